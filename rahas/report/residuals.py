@@ -1,0 +1,69 @@
+"""Calibration and surface in numbers: residuals mark by mark, what the models and the debanding report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from rahas.report.words import metric_label, metric_unit, value_text
+
+
+def residual_rows(calibration: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
+    """One row a mark, with the numbers that every mark has; empty without a calibration."""
+    marks = (calibration or {}).get("marks") or []
+    if not marks:
+        return []
+    names = [name for name, value in marks[0].items() if not isinstance(value, list | dict)]
+    return [{name: mark.get(name) for name in names} for mark in marks]
+
+
+def model_facts(calibration: Mapping[str, Any] | None) -> list[tuple[str, str]]:
+    """Summary residuals and lens terms as (name, value with unit)."""
+    if not calibration:
+        return []
+    residuals = calibration.get("residuals") or {}
+    facts = [
+        (metric_label(name), value_text(value, metric_unit(name)))
+        for name, value in residuals.items()
+        if value is None or isinstance(value, int | float | str)
+    ]
+    camera = calibration.get("camera") or {}
+    if "width_px" in camera and "height_px" in camera:
+        facts.append(("camera", f"{camera['width_px']} × {camera['height_px']} px"))
+    if "radial" in camera:
+        facts.append(("radial distortion k1", value_text(camera["radial"])))
+    facts.append(("texture camera", "modelled" if calibration.get("texture_camera") else "none"))
+    return facts
+
+
+def surface_facts(attributes: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """What cloud.zarr's attributes tell: share measured, ripple by order before and after debanding."""
+    facts = []
+    if attributes.get("measured_share") is not None:
+        facts.append((metric_label("measured_share"), f"{100 * float(attributes['measured_share']):.1f} %"))
+    for name, label in (("ripple_before_rad", "before"), ("ripple_after_rad", "after")):
+        if attributes.get(name):
+            orders = ", ".join(f"{1000 * float(value):.1f}" for value in attributes[name])
+            facts.append((f"ripple {label} debanding, orders 1 to {len(attributes[name])}", f"{orders} mrad"))
+    return facts
+
+
+def side_remarks(evidence_warnings: list[Any], qa: Mapping[str, Any]) -> list[str]:
+    """Remarks of calibration and cloud that the verdict file does not repeat, each once."""
+    told = {str(warning.get("message", "")) for warning in qa.get("warnings", [])}
+    remarks = (
+        str(remark.get("message", "")) if isinstance(remark, Mapping) else str(remark) for remark in evidence_warnings
+    )
+    return [remark for remark in dict.fromkeys(remarks) if remark and remark not in told]
+
+
+def displacement_series(review: Mapping[str, Any] | None) -> list[float | None]:
+    """Length of the object's displacement per frame, px; empty where the review keeps none."""
+    review = review or {}
+    series = (review.get("series") or {}).get("displacement_px") or review.get("displacement_px") or []
+    return [math.hypot(*value) if isinstance(value, list) and None not in value else _number(value) for value in series]
+
+
+def _number(value: Any) -> float | None:
+    return abs(float(value)) if isinstance(value, int | float) else None

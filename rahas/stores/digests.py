@@ -1,0 +1,49 @@
+"""Digests of bytes, files and stores."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+MANIFEST_NAME = "manifest.json"
+_BLOCK = 1 << 20
+
+
+def digest_of_bytes(data: bytes) -> str:
+    """SHA-256 of ``data``, in hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def digest_of_json(value: Any) -> str:
+    """Digest of the one canonical JSON form of ``value``."""
+    return digest_of_bytes(canonical_json(value).encode())
+
+
+def canonical_json(value: Any) -> str:
+    """JSON with sorted keys, no white space and no non-finite numbers: equal values give equal text."""
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
+def digest_of_file(path: Path) -> str:
+    """SHA-256 of a file's bytes, read in blocks."""
+    digest = hashlib.sha256()
+    with open(path, "rb") as handle:
+        while block := handle.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()
+
+
+def manifest_of_folder(folder: Path) -> dict[str, str]:
+    """Digest of every file below ``folder`` by its relative path, the manifest itself left out."""
+    files = sorted(p for p in folder.rglob("*") if p.is_file() and p.name != MANIFEST_NAME)
+    return {str(p.relative_to(folder)): digest_of_file(p) for p in files}
+
+
+def digest_of_path(path: Path) -> str:
+    """Digest of a file, or of a folder through its manifest (a store's own where it has one)."""
+    if not path.is_dir():
+        return digest_of_file(path)
+    manifest = path / MANIFEST_NAME
+    return digest_of_file(manifest) if manifest.is_file() else digest_of_json(manifest_of_folder(path))

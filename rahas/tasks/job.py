@@ -1,0 +1,88 @@
+"""A job as Snakemake starts it: one process that brings a row up to date as far as asked for."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rahas.provenance.fingerprints import package_code
+from rahas.provenance.records import MADE, Recipe, Record, library_versions, read_record
+from rahas.stores.atomic import sweep
+from rahas.stores.digests import digest_of_json, digest_of_path
+from rahas.stores.locks import only_writer
+from rahas.tasks import page, review
+from rahas.tasks.expedition import Expedition
+from rahas.tasks.make import Maker, Rejected, say
+from rahas.tasks.pipeline import JOBS, STAGES, Work
+from rahas.tasks.plan import PAGE_ENTRY, VERDICT_ENTRY, Plan, row_of, write_stamp
+
+
+def run(expedition: Expedition, job_name: str, scan_id: str, stamp: Path) -> None:
+    """Run job ``job_name`` for a row and write its stamp."""
+    job = JOBS[job_name]
+    work = Work(expedition, expedition.entry(scan_id))
+    scan = work.scan
+    lock = expedition.root / ".snakemake" / "rahas-locks" / f"{scan_id}.lock"
+    with only_writer(lock, lambda: say(scan_id, "waiting for an earlier job of this scan to end")):
+        for folder in (scan.path, scan.records, scan.capture_review.parent, scan.figures):
+            sweep(folder)
+        maker = Maker(work)
+        problem = None
+        if expedition.is_processed(work.entry):
+            try:
+                maker.make(job.target)
+            except Rejected as rejection:
+                maker.withdraw_after(rejection)
+                problem = rejection.reason
+        else:
+            maker.withdraw(tuple(STAGES))
+        _write_verdict(work, problem)
+        if job.is_last:
+            _write_page(work)
+        write_stamp(stamp, Plan(expedition).recipe(job_name, scan_id))
+
+
+def _write_verdict(work: Work, problem: object) -> None:
+    entry, scan = work.entry, work.scan
+    review.write_verdict(
+        scan,
+        decision=entry.decision,
+        role=entry.role,
+        processed=work.expedition.is_processed(entry),
+        overridden=entry.scan_id in work.expedition.include_rejected,
+        problem=problem,
+    )
+    recipe = Recipe(
+        stage="verdict",
+        inputs={p.name: digest_of_path(p) for p in (scan.capture_review, scan.result_review) if p.exists()},
+        columns={"decision": entry.decision, "role": entry.role},
+        params={"included": entry.scan_id in work.expedition.include_rejected, "problem": problem},
+        code=package_code().fingerprint(VERDICT_ENTRY),
+        libraries={},
+    )
+    Record(recipe, MADE, {scan.qa.name: digest_of_path(scan.qa)}).write(scan.records / "verdict.json")
+
+
+def _write_page(work: Work) -> None:
+    scan, path = work.scan, work.scan.records / "page.json"
+    read = [p for name in STAGES for p in STAGES[name].outputs(scan) if p.exists()]
+    calibration = work.calibration
+    recipe = Recipe(
+        stage="page",
+        inputs={
+            **{str(p.relative_to(scan.path)): digest_of_path(p) for p in (*read, scan.qa)},
+            "calibration": digest_of_path(calibration.calibration)
+            if calibration is not None and calibration.calibration.exists()
+            else "none",
+        },
+        columns=row_of(work.entry),
+        params={},
+        code=package_code().fingerprint(PAGE_ENTRY),
+        libraries=library_versions("jinja2", "opencv-python-headless"),
+    )
+    former = read_record(path)
+    if former is not None and former.recipe.key == recipe.key and scan.report.exists():
+        return
+    page.run(scan, entry=work.entry, calibration=calibration)
+    outputs = {p.name: digest_of_path(p) for p in (scan.report, scan.figures) if p.exists()}
+    Record(recipe, MADE, outputs).write(path)
+    say(work.entry.scan_id, f"page written, digest {digest_of_json(outputs)[:8]}")

@@ -1,0 +1,139 @@
+"""Bring a scan's artifacts up to date: compute what is not current, withdraw what no longer holds."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Mapping
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from rahas.errors import CaptureProblem
+from rahas.provenance.fingerprints import package_code
+from rahas.provenance.records import MADE, PROBLEM, WITHDRAWN, Recipe, Record, library_versions, read_record
+from rahas.stores.atomic import read_json, remove
+from rahas.stores.digests import digest_of_json, digest_of_path
+from rahas.tasks.pipeline import GATES, STAGES, WITHDRAWN_BY_CAPTURE, WITHDRAWN_WHEN_REJECTED, Stage, Work
+
+
+class Rejected(Exception):
+    """The scan goes no further. ``reason`` is set where a stage found the problem, not a gate's limits."""
+
+    def __init__(self, stage: str, reason: Mapping[str, Any] | None) -> None:
+        super().__init__(stage)
+        self.stage = stage
+        self.reason = reason
+
+
+class Maker:
+    """Makes the stages of one row; everything that it decides, it decides by digests in the records."""
+
+    def __init__(self, work: Work) -> None:
+        self.work = work
+        self.scan = work.scan
+        self._done: set[tuple[str, bool]] = set()
+
+    def make(self, name: str, *, files: bool = True) -> None:
+        """See that stage ``name`` is current; with ``files``, that its artifacts lie there too.
+
+        Raises
+        ------
+        Rejected
+            The stage, or one before it, found that the capture cannot be used, or a gate said so.
+        """
+        if (name, files) in self._done:
+            return
+        stage = STAGES[name]
+        for need in stage.needs:
+            self.make(need, files=False)
+        recipe = self.recipe(stage)
+        record = self.record(name)
+        if not (record is not None and record.recipe.key == recipe.key and self._holds(stage, record, files)):
+            for need in stage.needs:
+                self.make(need)
+            self._compute(stage, recipe)
+        if name in GATES and not self.is_let_through() and read_json(GATES[name](self.scan))["reasons"]:
+            raise Rejected(name, None)
+        self._done.add((name, files))
+
+    def is_let_through(self) -> bool:
+        """Whether the gates' limits are waived for this row, by ``include_rejected``."""
+        return self.work.entry.scan_id in self.work.expedition.include_rejected
+
+    def record(self, name: str) -> Record | None:
+        return read_record(self._record_path(name))
+
+    def recipe(self, stage: Stage) -> Recipe:
+        """What decides the stage's output, as it stands now."""
+        inputs = {need: _digest_of_record(self.record(need)) for need in stage.needs}
+        inputs |= {
+            name: digest_of_path(path) if path is not None and path.exists() else "none"
+            for name, path in stage.files(self.work).items()
+        }
+        if stage.borrows and self.work.entry.role != "calibration":
+            calibration = self.work.calibration
+            borrowed = read_record(calibration.records / f"{stage.borrows}.json") if calibration else None
+            inputs["calibration"] = _digest_of_record(borrowed)
+        return Recipe(
+            stage=stage.name,
+            inputs=inputs,
+            columns={column: getattr(self.work.entry, column) for column in stage.columns},
+            params=stage.params(self.work),
+            code=package_code().fingerprint(stage.entry),
+            libraries=library_versions(*stage.libraries),
+        )
+
+    def withdraw(self, names: tuple[str, ...]) -> None:
+        """Take artifacts away; their records stay and say so."""
+        for name in names:
+            record = self.record(name)
+            if record is not None and record.outcome == MADE:
+                Record(record.recipe, WITHDRAWN, record.outputs).write(self._record_path(name))
+            for path in STAGES[name].outputs(self.scan):
+                remove(path)
+
+    def withdraw_after(self, rejection: Rejected) -> None:
+        """Take away what a scan rejected there does not keep."""
+        by_capture = rejection.stage in ("ingest", "timeline", "review_capture")
+        self.withdraw(WITHDRAWN_BY_CAPTURE if by_capture else WITHDRAWN_WHEN_REJECTED)
+
+    def _holds(self, stage: Stage, record: Record, files: bool) -> bool:
+        if record.outcome == PROBLEM:
+            raise Rejected(stage.name, record.reason)
+        if record.outcome == WITHDRAWN:
+            return not files
+        return all(path.exists() for path in stage.outputs(self.scan))
+
+    def _compute(self, stage: Stage, recipe: Recipe) -> None:
+        started = time.perf_counter()
+        record_path = self._record_path(stage.name)
+        record_path.unlink(missing_ok=True)
+        module, _, function = stage.entry.partition(":")
+        try:
+            arguments = stage.arguments(self.work)
+            if stage.section:
+                arguments["params"] = getattr(self.work.expedition.config, stage.section)
+            getattr(import_module(module), function)(self.scan, **arguments)
+        except CaptureProblem as problem:
+            for path in stage.outputs(self.scan):
+                remove(path)
+            Record(recipe, PROBLEM, reason=problem.as_reason()).write(record_path)
+            raise Rejected(stage.name, problem.as_reason()) from None
+        outputs = {str(p.relative_to(self.scan.path)): digest_of_path(p) for p in stage.outputs(self.scan)}
+        Record(recipe, MADE, outputs).write(record_path)
+        say(self.work.entry.scan_id, f"{stage.name} made in {time.perf_counter() - started:.1f} s")
+
+    def _record_path(self, name: str) -> Path:
+        return self.scan.records / f"{name}.json"
+
+
+def say(scan_id: str, what: str) -> None:
+    """One line of progress."""
+    print(f"rahas: {scan_id}: {what}", file=sys.stderr, flush=True)
+
+
+def _digest_of_record(record: Record | None) -> str:
+    if record is None:
+        return "none"
+    return digest_of_json({"outcome": record.outcome == PROBLEM, "outputs": record.outputs, "reason": record.reason})

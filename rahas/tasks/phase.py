@@ -1,0 +1,73 @@
+"""frames.zarr, timeline.json and snakes.zarr → phase.zarr."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from rahas.kernels.interlacing import fields
+from rahas.kernels.label_anchor import order_of_first_snake
+from rahas.params import PhaseParams
+from rahas.stages import phase
+from rahas.stores.arrays import open_store, writing_store
+from rahas.stores.atomic import read_json
+from rahas.stores.layout import ScanFolder
+from rahas.stores.timeline import Intervals
+
+MAPS: dict[str, dict[str, Any]] = {
+    "wrapped_phase": {"long_name": "wrapped phase at the reference slide position", "units": "rad"},
+    "unwrapped_phase": {"long_name": "unwrapped phase at the reference slide position", "units": "rad"},
+    "fringe_order": {"long_name": "fringe order, (unwrapped - wrapped)/2π", "units": "1"},
+    "order_confidence": {"long_name": "agreement of wrapped and coarse phase", "units": "1"},
+    "background": {"long_name": "stripe-free image a", "units": "grey level"},
+    "modulation": {"long_name": "stripe amplitude b", "units": "grey level"},
+    "phase_std": {"long_name": "standard deviation of the phase", "units": "rad"},
+    "quality": {"long_name": "quality Q of the thesis, eq. 3.19", "units": "grey level"},
+}
+
+
+def run(scan: ScanFolder, *, calibration: ScanFolder | None, params: PhaseParams) -> None:
+    """Solve the phase of a scan; its labels share the zero of its calibration's (``None``: it is one itself)."""
+    frames, snakes = open_store(scan.frames), open_store(scan.snakes)
+    timeline = Intervals(read_json(scan.timeline))
+    held, last = timeline.held_frames, timeline.scan["last"]
+    first = held.start
+    anchor = _anchor(scan, calibration)
+    result = phase.solve(
+        frames["frames"],
+        first=first,
+        last=last,
+        held=len(held),
+        fields=fields(frames.attrs["interlaced"], frames.attrs["field_order"]),
+        snakes=phase.ScanSnakes(
+            reference_identity=snakes["snake_identity"][first],
+            reference_y=snakes["snake_y"][first],
+            identity=snakes["snake_identity"][first : last + 1],
+            y=snakes["snake_y"][first : last + 1],
+        ),
+        first_order=anchor.order,
+        params=params,
+    )
+    steps = np.full(frames["frames"].shape[0], np.nan)
+    steps[first : first + len(result.steps)] = result.steps
+    attributes = {
+        "method": params.method,
+        "reference_frame": first,
+        "order_of_first_snake": anchor.order,
+        "label_anchor_residual_stripes": anchor.residual_stripes,
+    }
+    with writing_store(scan.phase, **attributes) as store:
+        for name, about in MAPS.items():
+            store.put(name, ("y", "x"), getattr(result, name), **about)
+        store.put("phase_step", ("frame",), steps, long_name="phase step at the field's centre", units="rad")
+
+
+def _anchor(scan: ScanFolder, calibration: ScanFolder | None) -> Any:
+    own = open_store(scan.snakes)
+    if calibration is None:
+        return order_of_first_snake(None, None, pitch_px=float(own.attrs["pitch_px"]))
+    theirs = open_store(calibration.snakes)
+    return order_of_first_snake(
+        own["first_positions_px"][:], theirs["first_positions_px"][:], pitch_px=float(own.attrs["pitch_px"])
+    )

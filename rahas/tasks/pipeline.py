@@ -1,0 +1,255 @@
+"""The stages of a scan, in the order of the data: what each reads, makes and depends on. A table, no actions."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rahas.errors import CaptureProblem
+from rahas.provenance.records import MADE, read_record
+from rahas.stores.field_log import Entry
+from rahas.stores.layout import ScanFolder
+from rahas.tasks.expedition import Expedition
+
+
+@dataclass(frozen=True)
+class Work:
+    """One row of the log with what its stages may ask for."""
+
+    expedition: Expedition
+    entry: Entry
+
+    @property
+    def scan(self) -> ScanFolder:
+        return self.expedition.scan(self.entry.scan_id)
+
+    @property
+    def calibration(self) -> ScanFolder | None:
+        """Folder of the calibration that this row uses; ``None`` for a calibration, or where the log has none."""
+        if self.entry.role == "calibration" or self.entry.calibration is None:
+            return None
+        return self.expedition.scan(self.entry.calibration)
+
+    def calibration_with(self, stage: str) -> ScanFolder | None:
+        """The calibration's folder, once its ``stage`` is made; ``None`` for a row that is a calibration itself.
+
+        Raises
+        ------
+        CaptureProblem
+            There is no calibration, or it has been rejected.
+        """
+        if self.entry.role == "calibration":
+            return None
+        if self.calibration is None:
+            raise CaptureProblem(
+                "calibration",
+                "calibration",
+                "The log names no calibration capture for this scan and none has the same site: scan the target with "
+                "each set-up and log it with role calibration.",
+                value="none",
+                limit="one",
+            )
+        record = read_record(self.calibration.records / f"{stage}.json")
+        if record is None or record.outcome != MADE:
+            why = record.reason["message"] if record is not None and record.reason else "it was rejected"
+            raise CaptureProblem(
+                "calibration",
+                "calibration",
+                f"The calibration {self.calibration.scan_id} cannot be used: {why}",
+                value=self.calibration.scan_id,
+                limit="an accepted calibration",
+            )
+        return self.calibration
+
+    def capture_file(self) -> Path:
+        """The capture as the log names it.
+
+        Raises
+        ------
+        CaptureProblem
+            There is no such file.
+        """
+        if self.entry.capture is None or not self.entry.capture.exists():
+            named = self.entry.capture.name if self.entry.capture else f"{self.entry.scan_id}.*"
+            raise CaptureProblem(
+                "unreadable",
+                "capture",
+                f"There is no capture {named} under captures/: copy it there from the camera's card, or correct the "
+                "column capture.",
+                value=named,
+                limit="a video file or a folder of stills",
+            )
+        return self.entry.capture
+
+    def texture_file(self) -> Path | None:
+        """The texture photo, or ``None`` where there is none by name or by stem.
+
+        Raises
+        ------
+        CaptureProblem
+            The log names a photo that is not there.
+        """
+        texture = self.entry.texture
+        if texture is not None and not texture.is_file():
+            if self.entry.texture_named:
+                raise CaptureProblem(
+                    "unreadable",
+                    "texture",
+                    f"There is no texture photo {texture.name} under captures/: copy it there, or clear the column "
+                    "texture to colour the cloud from the video.",
+                    value=texture.name,
+                    limit="a photo",
+                )
+            return None
+        return texture
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One step from artifacts to artifacts."""
+
+    name: str
+    entry: str  # module:function, imported only when it is run
+    needs: tuple[str, ...]  # stages of the same scan whose artifacts it reads
+    outputs: Callable[[ScanFolder], tuple[Path, ...]]
+    arguments: Callable[[Work], dict[str, Any]]
+    section: str | None = None  # of the configuration
+    columns: tuple[str, ...] = ()  # of the log row
+    files: Callable[[Work], Mapping[str, Path | None]] = lambda work: {}  # raw files that it reads
+    borrows: str | None = None  # stage of the calibration whose artifacts it reads
+    libraries: tuple[str, ...] = ("numpy",)
+
+    def params(self, work: Work) -> dict[str, Any]:
+        """The parameters that it reads, as plain values."""
+        return getattr(work.expedition.config, self.section).model_dump(mode="json") if self.section else {}
+
+
+_TABLE = (
+    Stage(
+        name="ingest",
+        entry="rahas.tasks.ingest:run",
+        needs=(),
+        outputs=lambda scan: (scan.frames,),
+        arguments=lambda work: {"capture": work.capture_file()},
+        section="ingest",
+        files=lambda work: {"capture": work.entry.capture},
+        libraries=("numpy", "av", "opencv-python-headless", "zarr"),
+    ),
+    Stage(
+        name="timeline",
+        entry="rahas.tasks.timeline:run",
+        needs=("ingest",),
+        outputs=lambda scan: (scan.timeline,),
+        arguments=lambda work: {},
+        section="timeline",
+        libraries=("numpy", "scipy", "opencv-python-headless"),
+    ),
+    Stage(
+        name="review_capture",
+        entry="rahas.tasks.review:run_capture",
+        needs=("ingest", "timeline"),
+        outputs=lambda scan: (scan.capture_review,),
+        arguments=lambda work: {"role": work.entry.role},
+        section="capture_review",
+        columns=("role",),
+        libraries=("numpy", "scipy", "opencv-python-headless"),
+    ),
+    Stage(
+        name="snakes",
+        entry="rahas.tasks.snakes:run",
+        needs=("ingest", "timeline", "review_capture"),
+        outputs=lambda scan: (scan.snakes,),
+        arguments=lambda work: {},
+        section="snakes",
+        libraries=("numpy", "scipy", "numba", "opencv-python-headless", "zarr"),
+    ),
+    Stage(
+        name="phase",
+        entry="rahas.tasks.phase:run",
+        needs=("ingest", "timeline", "snakes"),
+        outputs=lambda scan: (scan.phase,),
+        arguments=lambda work: {"calibration": work.calibration_with("snakes")},
+        section="phase",
+        columns=("role",),
+        borrows="snakes",
+        libraries=("numpy", "scipy", "numba", "zarr"),
+    ),
+    Stage(
+        name="calibrate",
+        entry="rahas.tasks.calibrate:run",
+        needs=("phase",),
+        outputs=lambda scan: (scan.calibration,),
+        arguments=lambda work: {"target": work.expedition.target, "texture": work.texture_file()},
+        section="calibration",
+        files=lambda work: {"target": work.expedition.target, "texture": work.entry.texture},
+        libraries=("numpy", "scipy", "opencv-python-headless"),
+    ),
+    Stage(
+        name="cloud",
+        entry="rahas.tasks.cloud:run",
+        needs=("phase",),
+        outputs=lambda scan: (scan.cloud, scan.cloud_ply),
+        arguments=lambda work: {"calibration": work.calibration_with("calibrate"), "texture": work.texture_file()},
+        section="cloud",
+        files=lambda work: {"texture": work.entry.texture},
+        borrows="calibrate",
+        libraries=("numpy", "scipy", "opencv-python-headless", "zarr"),
+    ),
+    Stage(
+        name="review_result",
+        entry="rahas.tasks.review:run_result",
+        needs=("cloud",),
+        outputs=lambda scan: (scan.result_review,),
+        arguments=lambda work: {"role": work.entry.role, "capture_params": work.expedition.config.capture_review},
+        section="result_review",
+        columns=("role",),
+        libraries=("numpy", "scipy", "opencv-python-headless"),
+    ),
+)
+STAGES: Mapping[str, Stage] = {stage.name: stage for stage in _TABLE}
+
+# A scan with reasons in one of these files goes no further.
+GATES: Mapping[str, Callable[[ScanFolder], Path]] = {
+    "review_capture": lambda scan: scan.capture_review,
+    "review_result": lambda scan: scan.result_review,
+}
+# What a rejected scan does not keep; a scan rejected by its capture has no snakes either.
+WITHDRAWN_WHEN_REJECTED = ("phase", "calibrate", "cloud")
+WITHDRAWN_BY_CAPTURE = ("snakes", *WITHDRAWN_WHEN_REJECTED)
+
+
+@dataclass(frozen=True)
+class Job:
+    """What one process makes: up to a stage, and the pages when it is a row's last."""
+
+    name: str
+    target: str
+    after: tuple[str, ...]  # jobs of the same row
+    after_calibration: tuple[str, ...] = ()  # jobs of the row's calibration
+    is_last: bool = False
+
+    def stages(self) -> list[Stage]:
+        """The stages it may compute that no job before it makes, in order."""
+        before = {s for job in self.after for s in _closure(JOBS[job].target)}
+        return [stage for stage in _TABLE if stage.name in _closure(self.target) - before]
+
+
+JOBS: dict[str, Job] = {}
+for _job in (
+    Job("capture", "review_capture", ()),
+    Job("phase", "phase", ("capture",), ("phase",)),
+    Job("calibrate", "calibrate", ("phase",), is_last=True),
+    Job("surface", "review_result", ("phase",), ("calibrate",), is_last=True),
+):
+    JOBS[_job.name] = _job
+
+
+def last_job(entry: Entry) -> Job:
+    """The job that ends a row with its page."""
+    return JOBS["calibrate" if entry.role == "calibration" else "surface"]
+
+
+def _closure(name: str) -> set[str]:
+    return {name}.union(*(_closure(need) for need in STAGES[name].needs))

@@ -1,0 +1,180 @@
+"""What has to be run: each job of each row has a stamp, a file named after the key of its recipe.
+
+A job's key is made of what can be known without computing: code fingerprints, parameters, library versions, the log's
+columns, the state of the raw files and the keys of the jobs before it. Where the stamp of that name lies beside
+complete artifacts, there is nothing to do. A job that is started compares digests before it computes anything, so a
+touched file costs a moment and no computation. Nothing here depends on modification times of results or on
+Snakemake's own metadata.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from rahas.provenance.fingerprints import package_code
+from rahas.provenance.records import MADE, library_versions, read_record
+from rahas.stores.atomic import write_json
+from rahas.stores.digests import digest_of_json
+from rahas.stores.field_log import Entry
+from rahas.stores.layout import ScanFolder
+from rahas.tasks.expedition import Expedition
+from rahas.tasks.pipeline import JOBS, STAGES, Job, Work, last_job
+
+PAGE_ENTRY = "rahas.tasks.page:run"
+VERDICT_ENTRY = "rahas.tasks.review:write_verdict"
+SIMULATE_ENTRY = "rahas.tasks.simulate:run"
+
+
+class Plan:
+    """The stamps that a whole expedition should have."""
+
+    def __init__(self, expedition: Expedition) -> None:
+        self.expedition = expedition
+        self._code = {
+            entry: package_code().fingerprint(entry)
+            for entry in (PAGE_ENTRY, VERDICT_ENTRY, SIMULATE_ENTRY, *(s.entry for s in STAGES.values()))
+        }
+        self._keys: dict[tuple[str, str], str] = {}
+
+    def jobs(self, entry: Entry) -> tuple[Job, ...]:
+        """The jobs of a row, in order; a row that is not processed only gets its page."""
+        last = last_job(entry)
+        if not self.expedition.is_processed(entry):
+            return (last,)
+        return (JOBS["capture"], JOBS["phase"], last)
+
+    def inputs(self, job_name: str, scan_id: str) -> list[str]:
+        """Stamps that a job waits for."""
+        entry = self.expedition.entry(scan_id)
+        return [self.stamp(*before) for before in self._before(JOBS[job_name], entry)] + (
+            [self.render_stamp(entry)] if job_name == "capture" and entry.simulated else []
+        )
+
+    def stamp(self, job_name: str, scan_id: str) -> str:
+        """Path of the stamp, from the expedition's folder."""
+        job, entry = JOBS[job_name], self.expedition.entry(scan_id)
+        return self._name(f"{job_name}.{self.key(job_name, scan_id)[:16]}", scan_id, self._is_whole(job, entry))
+
+    def render_stamp(self, entry: Entry) -> str:
+        """Stamp of the rendering of a simulated capture."""
+        whole = entry.capture is not None and entry.capture.exists()
+        return self._name(f"render.{self._render_key(entry)[:16]}", entry.scan_id, whole)
+
+    def targets(self) -> list[str]:
+        """The stamps that end every row."""
+        return [self.stamp(last_job(entry).name, entry.scan_id) for entry in self.expedition.entries]
+
+    def key(self, job_name: str, scan_id: str) -> str:
+        """Key of a job's recipe."""
+        if (job_name, scan_id) not in self._keys:
+            self._keys[job_name, scan_id] = digest_of_json(self.recipe(job_name, scan_id))
+        return self._keys[job_name, scan_id]
+
+    def recipe(self, job_name: str, scan_id: str) -> dict[str, Any]:
+        """What the key is made of."""
+        job, entry = JOBS[job_name], self.expedition.entry(scan_id)
+        work = Work(self.expedition, entry)
+        stages = job.stages() if self.expedition.is_processed(entry) else []
+        files: dict[str, Any] = {}
+        for stage in stages:
+            files |= {name: _state(path) for name, path in stage.files(work).items()}
+        if entry.simulated:
+            files["capture"] = self._render_key(entry)
+        recipe: dict[str, Any] = {
+            "stages": {
+                stage.name: {
+                    "code": self._code[stage.entry],
+                    "params": stage.params(work),
+                    "columns": {column: getattr(entry, column) for column in stage.columns},
+                    "libraries": library_versions(*stage.libraries),
+                }
+                for stage in stages
+            },
+            "files": files,
+            "before": {":".join(before): self.key(*before) for before in self._before(job, entry)},
+            "verdict": self._code[VERDICT_ENTRY],
+            "included": entry.scan_id in self.expedition.include_rejected,
+        }
+        if job.is_last:
+            recipe["page"] = self._code[PAGE_ENTRY]
+            recipe["row"] = row_of(entry)
+        return recipe
+
+    def _before(self, job: Job, entry: Entry) -> list[tuple[str, str]]:
+        if not self.expedition.is_processed(entry):
+            return []
+        before = [(name, entry.scan_id) for name in job.after]
+        calibration = entry.calibration if entry.role == "scan" else None
+        if calibration is not None and self.expedition.is_processed(self.expedition.entry(calibration)):
+            before += [(name, calibration) for name in job.after_calibration]
+        return before
+
+    def _is_whole(self, job: Job, entry: Entry) -> bool:
+        """Whether the artifacts that the job's records speak of lie there."""
+        scan = self.expedition.scan(entry.scan_id)
+        if job.is_last and not (scan.report.exists() and scan.qa.exists()):
+            return False
+        if not self.expedition.is_processed(entry):
+            return True
+        for stage in job.stages():
+            record = read_record(scan.records / f"{stage.name}.json")
+            if record is not None and record.outcome == MADE and not all(p.exists() for p in stage.outputs(scan)):
+                return False
+        return True
+
+    def _name(self, stem: str, scan_id: str, whole: bool) -> str:
+        """Stamp name: of the stamp that lies there if all is whole, else of one not made yet."""
+        folder = self.expedition.scan(scan_id).records
+        existing = sorted((int(p.suffix[1:]) for p in folder.glob(f"{stem}.*") if p.suffix[1:].isdigit()), default=[])
+        newest = existing[-1] if existing else 0
+        number = newest if existing and whole else newest + 1
+        return str((folder / f"{stem}.{number}").relative_to(self.expedition.root))
+
+    def _render_key(self, entry: Entry) -> str:
+        spec = self.expedition.root / "config" / "simulation.yaml"
+        text = spec.read_text(encoding="utf-8") if spec.is_file() else ""
+        return digest_of_json({"spec": text, "scan": entry.scan_id, "code": self._code[SIMULATE_ENTRY]})
+
+
+def row_of(entry: Entry) -> dict[str, Any]:
+    """The log row as its page shows it."""
+    return {
+        **{
+            name: getattr(entry, name)
+            for name in ("scan_id", "site", "notes", "decision", "role", "calibration", "subject", "date", "time")
+        },
+        "operator": entry.operator,
+        "redundant_of": entry.redundant_of,
+        "extra": dict(entry.extra),
+    }
+
+
+def write_stamp(path: Path, recipe: Mapping[str, Any]) -> None:
+    """Write a job's stamp and remove those of its former recipes."""
+    job = path.name.split(".")[0]
+    write_json(path, recipe)
+    for former in path.parent.glob(f"{job}.*.*"):
+        if former != path:
+            former.unlink()
+
+
+def makes(scan: ScanFolder, artifact: str, entry: Entry) -> str | None:
+    """Name of the job that makes ``artifact`` (a path below the scan's folder); ``None`` if none does."""
+    wanted = scan.path / artifact
+    if wanted in (scan.qa, scan.report):
+        return last_job(entry).name
+    chain = [JOBS["capture"], JOBS["phase"], last_job(entry)]
+    for job in chain:
+        if any(wanted in stage.outputs(scan) for stage in job.stages()):
+            return job.name
+    return None
+
+
+def _state(path: Path | None) -> Any:
+    """Size and time of a raw file (for a folder, of its files): what a look can tell."""
+    if path is None or not path.exists():
+        return None
+    files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
+    return [[p.name, p.stat().st_size, p.stat().st_mtime_ns] for p in files]

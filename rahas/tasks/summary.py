@@ -1,0 +1,38 @@
+"""The expedition at a glance: results/index.html, results/scans.csv and the closing lines of a run."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from rahas.report.closing import closing_lines
+from rahas.report.gallery import THUMBNAIL
+from rahas.report.pages import Card, render_index
+from rahas.report.table import scans_csv
+from rahas.stores.atomic import read_json, write_text
+from rahas.stores.field_log import Entry
+from rahas.stores.layout import ScanFolder
+
+_COLUMNS = ("scan_id", "site", "subject", "date", "time", "decision", "role", "redundant_of")
+
+
+def run(results: Path, entries: Sequence[Entry]) -> str:
+    """Write the index and the table of all rows of the log; return the lines that close a run."""
+    cards = [_card(ScanFolder(results, entry.scan_id), entry) for entry in entries]
+    write_text(results / "index.html", render_index(cards))
+    write_text(results / "scans.csv", scans_csv(cards))
+    return closing_lines(cards)
+
+
+def _card(scan: ScanFolder, entry: Entry) -> Card:
+    return Card(
+        row={name: getattr(entry, name) for name in _COLUMNS},
+        qa=_verdict(scan),
+        thumbnail=f"{scan.scan_id}/figures/{THUMBNAIL}" if (scan.figures / THUMBNAIL).is_file() else None,
+        link=f"{scan.scan_id}/report.html" if scan.report.is_file() else None,
+    )
+
+
+def _verdict(scan: ScanFolder) -> Any:
+    return read_json(scan.qa) if scan.qa.is_file() else None

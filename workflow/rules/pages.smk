@@ -1,0 +1,20 @@
+# The expedition at a glance; also written, with the closing lines, at the end of every run, failed or not.
+
+
+rule summary:
+    message: "the expedition at a glance"
+    input:
+        PLAN.targets(),
+    output:
+        "results/index.html",
+        "results/scans.csv",
+    shell:
+        "{RAHAS} summary {OPTIONS}"
+
+
+onsuccess:
+    shell("{RAHAS} summary {OPTIONS}")
+
+
+onerror:
+    shell("{RAHAS} summary {OPTIONS}")
