@@ -153,6 +153,15 @@ class CloudParams(StageParams):
 class ResultReviewParams(StageParams):
     """QA after the cloud: limits on what the result shows."""
 
+    min_measured_share: float = Field(
+        0.3, ge=0, le=1, description="measured points for a pixel on which the capture's stripes could be measured"
+    )
+    max_ripple_rad: float = Field(0.05, gt=0, description="ripple left after debanding that is worth a warning, radians")
+    depth_step_spacings: float = Field(
+        8.0, gt=1, description="height between neighbours that parts two surfaces, in spacings of points"
+    )
+    bridged_px: int = Field(6, ge=0, le=100, description="gap in a column that does not part a surface, pixels")
+
 
 class Config(StageParams):
     """The whole of config/config.yaml."""

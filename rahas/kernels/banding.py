@@ -12,9 +12,10 @@ from __future__ import annotations
 from itertools import pairwise
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 
-from rahas.typing import AnyArray, FloatArray
+from rahas.typing import AnyArray, BoolArray, FloatArray
 
 ORDERS = 4
 _BINS = 16
@@ -123,14 +124,15 @@ def measure_banding(unwrapped_phase: AnyArray) -> Banding | None:
     values = above_window(relief)
     block, row = np.nonzero(usable)
     strip = (block * _STRIPS) // relief.shape[0]
-    weight = np.ones(values.size)
+    weight: FloatArray = np.ones(values.size, dtype=np.float64)
     solution = np.zeros(4 * ORDERS)
     for _ in range(4):
         normal, right = _by_strip(regressors, values, weight, strip)
         solution = _solve(normal.sum(axis=0), right.sum(axis=0))
-        residual = np.abs(values - regressors @ solution)
-        limit = 4.7 * 1.4826 * float(np.median(residual)) + 1e-9
-        weight = np.clip(1.0 - (residual / limit) ** 2, 0.0, None) ** 2
+        residual = values - regressors @ solution
+        limit = 4.7 * 1.4826 * float(np.median(np.abs(residual))) + 1e-9
+        agreeing = np.clip(1.0 - (residual / limit) ** 2, 0.0, None) ** 2
+        weight = np.divide(agreeing, _local_power(residual, usable), dtype=np.float64)
     present = np.nonzero(np.bincount(strip, minlength=_STRIPS))[0]
     left_out = np.array([_solve(normal.sum(axis=0) - normal[s], right.sum(axis=0) - right[s]) for s in present])
     spread = left_out - left_out.mean(axis=0)
@@ -185,6 +187,17 @@ def _window(rows: FloatArray) -> FloatArray:
     twice = (total[..., _BINS:] - total[..., :-_BINS]) / _BINS**2
     window: FloatArray = twice[..., :size]
     return window
+
+
+def _local_power(residual: FloatArray, usable: BoolArray) -> FloatArray:
+    """Mean square of the residuals around each usable cell, of their overall one: much where the relief is lively."""
+    squares = np.zeros(usable.shape)
+    squares[usable] = residual**2
+    side = (2 * _BINS + 1, 17)
+    power = cv2.boxFilter(squares, -1, side) / np.maximum(cv2.boxFilter(usable.astype(np.float64), -1, side), 1e-9)
+    local: FloatArray = power[usable]
+    local = local + 0.05 * float(np.mean(local)) + 1e-18
+    return local
 
 
 def _by_strip(

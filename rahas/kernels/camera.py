@@ -131,21 +131,31 @@ def parameter_scale(parameters: FloatArray, world: FloatArray, centre: FloatArra
     return np.append(scale, 1.0 / image**2) if parameters.size > 11 else scale
 
 
-def _fit(world: FloatArray, pixels: FloatArray, centre: FloatArray, *, with_radial: bool) -> CameraFit:
-    start = camera_matrix_from_marks(world, pixels).ravel()[:11]
+def fit_camera_with_radial(world: FloatArray, pixels: FloatArray, *, centre: FloatArray, radial: float) -> CameraFit:
+    """Camera of least squared residuals for a k1 that is known; its variance counts as 0."""
+    return _fit(world, pixels, centre, with_radial=False, radial=radial)
+
+
+def _fit(
+    world: FloatArray, pixels: FloatArray, centre: FloatArray, *, with_radial: bool, radial: float = 0.0
+) -> CameraFit:
+    start = camera_matrix_from_marks(world, undistort(pixels, radial=radial, centre=centre)).ravel()[:11]
     if with_radial:
-        start = np.append(start, 0.0)
+        start = np.append(start, radial)
+
+    def camera_of(parameters: FloatArray) -> Camera:
+        camera = camera_from_parameters(parameters, centre)
+        return camera if with_radial else camera._replace(radial=radial)
 
     def residual_of(parameters: FloatArray) -> FloatArray:
-        return (pixels - project(camera_from_parameters(parameters, centre), world)).ravel()
+        return (pixels - project(camera_of(parameters), world)).ravel()
 
     fit = minimise_squares(residual_of, start, scale=parameter_scale(start, world, centre))
     freedom = max(fit.residual.size - start.size, 1)
     variance = float(fit.residual @ fit.residual) / freedom
     covariance = np.zeros((12, 12))
     covariance[: start.size, : start.size] = variance * inverse_of_normal(fit.normal_matrix)
-    camera = camera_from_parameters(fit.parameters, centre)
-    return CameraFit(camera, fit.residual.reshape(-1, 2), covariance, float(np.sqrt(variance)))
+    return CameraFit(camera_of(fit.parameters), fit.residual.reshape(-1, 2), covariance, float(np.sqrt(variance)))
 
 
 def _normaliser(points: FloatArray) -> FloatArray:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rahas.kernels.frame_runs import runs
-from rahas.typing import BoolArray, FloatArray
+from rahas.typing import FloatArray
 
 LONGEST_REPEAT = 3
 NEIGHBOURS = 4
@@ -26,26 +26,31 @@ class DroppedFrames(NamedTuple):
     """How many, as far as the neighbours' pace tells."""
 
 
-def repeated_frames(change_rms: FloatArray, *, noise: float, moving: BoolArray) -> list[int]:
+def repeated_frames(change_rms: FloatArray, travel: FloatArray, *, noise: float) -> list[int]:
     """Frames that repeat the one before while the pattern moves.
 
     Parameters
     ----------
     change_rms
         (frame) rms difference from the frame before.
+    travel
+        (frame) slide angle or phase step, NaN outside the motion: it must stand still in a repeat and go on in the same
+        direction after it (a flickering lamp changes frames too, and a motion that turns back stands still).
     noise
         Standard deviation of one pixel in one frame.
-    moving
-        (frame) inside the rotation or the scan.
     """
     moved = np.sqrt(np.clip(change_rms**2 - 2 * noise**2, 0, None))
     pace = _median_of_neighbours(moved, NEIGHBOURS + LONGEST_REPEAT)
-    still = moving & (moved < 0.25 * pace) & (pace > 1.5 * noise)
+    still = np.isfinite(travel) & (moved < 0.25 * pace) & (pace > 1.5 * noise)
     found: list[int] = []
     for first, last in runs(still):
-        if last - first + 1 > LONGEST_REPEAT or first == 0 or last + 1 == len(moved):
+        if last - first + 1 > LONGEST_REPEAT or first < 2 or last + 1 == len(moved):
             continue
-        if min(moved[first - 1] / pace[first - 1], moved[last + 1] / pace[last + 1]) > 0.6:
+        before, within, after = (
+            travel[b] - travel[a] for a, b in ((first - 2, first - 1), (first - 1, last), (last, last + 1))
+        )
+        goes_on = before * after > 0 and abs(within) < 0.3 * min(abs(before), abs(after))
+        if goes_on and min(moved[first - 1] / pace[first - 1], moved[last + 1] / pace[last + 1]) > 0.6:
             found += range(first, last + 1)
     return found
 
@@ -56,27 +61,39 @@ def identical_frames(change_rms: FloatArray) -> list[int]:
     return [int(n) for n in np.flatnonzero(change_rms[1:] == 0) + 1] if usual > 0 else []
 
 
-def lost_frames(travel: FloatArray, *, noise: float, repeated: list[int]) -> list[DroppedFrames]:
-    """Frames lost where the slide's angle or the pattern's step, ``travel`` (frame), makes too large a step.
+def lost_frames(travel: FloatArray, time_s: FloatArray, *, noise: float, repeated: list[int]) -> list[DroppedFrames]:
+    """Frames lost without a gap in the presentation times: where the motion runs on at a multiple of its pace.
 
-    ``noise`` is the uncertainty of one step of ``travel``; NaN frames are outside the motion.
+    Parameters
+    ----------
+    travel
+        (frame) slide angle or phase step, NaN outside the motion.
+    time_s
+        (frame) presentation times.
+    noise
+        Standard deviation of one frame's ``travel``.
+    repeated
+        Frames that repeat the one before; their time counts for the step that follows.
     """
-    pace = np.diff(travel)
-    usable = np.isfinite(pace)
-    usable[[n - 1 for n in repeated if 0 < n <= len(pace)]] = False
+    shown = np.isfinite(travel)
+    shown[repeated] = False
+    frames = np.flatnonzero(shown)
+    if len(frames) < 2 * NEIGHBOURS:
+        return []
+    lasted = np.diff(time_s[frames])
+    period = float(np.median(np.diff(time_s)))
+    if period <= 0 or lasted.min() <= 0:
+        return []
+    pace = np.diff(travel[frames]) * period / lasted
     found = []
-    known = np.flatnonzero(usable)
-    for place, n in enumerate(known):
-        before, after = known[max(0, place - NEIGHBOURS) : place], known[place + 1 : place + 1 + NEIGHBOURS]
-        near = pace[np.concatenate([before[n - before < 12], after[after - n < 12]])]
-        if min(len(before), len(after)) < 2 or not len(near):
-            continue
+    for place in range(2, len(pace) - 2):
+        near = np.concatenate([pace[max(0, place - NEIGHBOURS) : place], pace[place + 1 : place + 1 + NEIGHBOURS]])
         usual = float(np.median(near))
         if abs(usual) < 8 * noise or np.abs(near / usual - 1).max() > 0.35:
             continue
-        ratio = float(pace[n] / usual)
+        ratio = float(pace[place] / usual)
         if ratio > 1.65:
-            found.append(DroppedFrames(int(n), round(ratio) - 1))
+            found.append(DroppedFrames(int(frames[place]), round(ratio) - 1))
     return found
 
 

@@ -52,7 +52,7 @@ class Displacement(NamedTuple):
 def template_from_texture(pattern: Float32Array, mask: BoolArray) -> Template:
     """Template from a texture pattern (y, x) and the object's region (y, x)."""
     gradient_y, gradient_x = np.gradient(pattern)
-    return Template(pattern, gradient_x, gradient_y, mask.astype(np.float32))
+    return Template(pattern, np.asarray(gradient_x), np.asarray(gradient_y), mask.astype(np.float32))
 
 
 def displacement_from_texture(
@@ -142,9 +142,7 @@ def _shift_by_correlation(template: Template, frame: TextureFrame) -> tuple[floa
     return float(shifts_x[column]), float(shifts_y[row])
 
 
-def jitter_from_displacement(
-    displacement: FloatArray, time_s: FloatArray, *, window_s: float = 1.0
-) -> float | None:
+def jitter_from_displacement(displacement: FloatArray, time_s: FloatArray, *, window_s: float = 1.0) -> float | None:
     """Jitter in pixels: the largest, over windows of ``window_s``, of the rms 2-D displacement about its mean.
 
     Parameters
@@ -164,7 +162,7 @@ def jitter_from_displacement(
     >>> round(jitter_from_displacement(swing, time), 2)
     0.71
     """
-    known = np.isfinite(displacement).all(axis=1)
+    known = np.asarray(np.isfinite(displacement).all(axis=1))
     worst: float | None = None
     ends = np.searchsorted(time_s, time_s + window_s - 1e-6)
     whole = [first for first, end in enumerate(ends) if end < len(time_s)] or [0]

@@ -4,12 +4,14 @@ The crank of this scanner tilts the projector, so one frame's step is not one nu
 slide coordinate v, that is with the unwrapped phase itself (never with the place in the image, where depth steps would
 break it). Per frame n and pixel p
 
-    I_pn = a_p + b_p·w(φ_p + δ_pn),    δ_pn = Σ_k C_nk·P_k(v_p),    w(t) = cos t + Σ_h Re(κ_h e^{iht}),
+    I_pn = g_n·(a_p + b_p·w(φ_p + δ_pn)) + o_n,    δ_pn = Σ_k C_nk·P_k(v_p),    w(t) = cos t + Σ_h Re(κ_h e^{iht}),
 
 with Legendre polynomials P_0…P_2 and C free per frame, so that a tilting projector, a translated slide and a pivot
 beside the projection centre are all in it, and stalls, slips and repeated frames are harmless. The waveform κ is one
-for all pixels and locked to the pattern. Gauss–Newton over {C, κ}; the pixels' own (a, b, φ) are eliminated (Schur
-complement). The steps of frames in the hold before the scan are zero: that fixes the gauge.
+for all pixels and locked to the pattern. Gauss–Newton over {C, g, o, κ}; the pixels' own (a, b, φ) are eliminated
+(Schur complement). The steps of frames in the hold before the scan are zero: that fixes the gauge. Gain and offset
+(auto-exposure, flicker, ambient drift) have priors around 1 and 0 as wide as they turn out to scatter, for a gain that
+ripples with the step is hard to tell from a warped step.
 """
 
 from __future__ import annotations
@@ -23,6 +25,8 @@ from rahas.typing import AnyArray, BoolArray, FloatArray
 DEGREE = 2
 HARMONICS = (2, 3)
 OUTLIER_SIGMAS = 5.0
+PRIOR_START = 0.03  # standard deviation of the gain, and of the offset over the median background
+PRIOR_LEAST = 2e-4
 
 
 class StepField(NamedTuple):
@@ -31,6 +35,8 @@ class StepField(NamedTuple):
     coefficients: FloatArray  # (frame, DEGREE + 1), radians, of Legendre polynomials
     centre: float  # radians, unwrapped phase that maps to 0
     half_range: float  # radians, unwrapped phase range that maps to [−1, 1]
+    gain: FloatArray  # (frame,), g, 1 on average
+    offset: FloatArray  # (frame,), o, grey levels, 0 on average
     waveform: AnyArray  # (len(HARMONICS),) complex, κ_2, κ_3
     noise: float  # grey levels, robust standard deviation of the residuals
     inliers: float  # share of the pixels that follow the model in every frame
@@ -72,7 +78,7 @@ def solve_joint_steps(
     held
         (frame,), frames whose step is zero by definition; at least one.
     iterations
-        At most so many; it stops when no step changes by more than 0.1 mrad.
+        At most so many; it stops when no step changes by more than 0.5 mrad.
 
     Raises
     ------
@@ -87,47 +93,70 @@ def solve_joint_steps(
     half_range = float(max(0.5 * np.ptp(unwrapped), np.pi))
     coefficients = np.zeros((frames, DEGREE + 1))
     coefficients[:, 0] = np.where(held, 0.0, steps)
+    gain, offset = np.ones(frames), np.zeros(frames)
     kappa = np.zeros(len(HARMONICS), dtype=complex)
     phase = np.array(unwrapped, dtype=float)
     basis = np.polynomial.legendre.legvander((unwrapped - centre) / half_range, DEGREE)
-    free = np.flatnonzero(~held)
     noise = inliers = last_change = np.nan
-    for _ in range(iterations):
+    for number in range(iterations):
         delta = coefficients @ basis.T
-        phase, modulation, residual, value, slope = _solve_pixels(levels, phase, delta, kappa)
-        noise = float(1.4826 * np.median(np.abs(residual)))
-        good = (np.abs(residual) < OUTLIER_SIGMAS * max(noise, 1e-3)).all(axis=0) & (modulation > 0)
-        if good.mean() < 0.3:  # still far away: the worst third waits for the next round
-            good = np.abs(residual).max(axis=0) <= np.quantile(np.abs(residual).max(axis=0), 0.67)
+        own = _solve_pixels((levels - offset[:, None]) / gain[:, None], phase, delta, kappa)
+        phase = own.phase
+        noise = float(max(1.4826 * np.median(np.abs(own.residual)), 1e-3))
+        good = (np.abs(own.residual) < OUTLIER_SIGMAS * noise).all(axis=0) & (own.modulation > 0)
         inliers = float(good.mean())
-        change, kappa_change = _gauss_newton(
-            residual[:, good],
-            value[:, good],
-            modulation[good] * slope[:, good],
-            _harmonics(phase[good] + delta[:, good], modulation[good]),
-            basis[good],
-            free,
+        if inliers < 0.3:  # still far away: the worst third waits for the next round
+            worst = np.abs(own.residual).max(axis=0)
+            good = worst <= np.quantile(worst, 0.67)
+        own = own.only(good)
+        jacobian = np.concatenate(
+            [
+                (own.modulation * own.slope)[..., None] * basis[good] * ~held[:, None, None],
+                (own.background + own.modulation * own.value)[..., None],
+                np.ones((*own.value.shape, 1)),
+            ],
+            axis=-1,
         )
-        coefficients[free] += change
+        level = float(np.median(own.background))
+        prior = np.array([np.std(gain), np.std(offset) / level]) if number else np.full(2, PRIOR_START)
+        prior = np.maximum(prior, PRIOR_LEAST) * [1.0, level]
+        weight = noise**2 / np.concatenate([np.full(DEGREE + 1, np.inf), prior**2])
+        mean = np.stack([*[np.zeros(frames)] * (DEGREE + 1), gain - 1.0, offset], axis=1)
+        harmonics = _harmonics(own.phase + delta[:, good], own.modulation)
+        change, kappa_change = _gauss_newton(own, jacobian, harmonics, weight, mean)
+        coefficients += change[:, : DEGREE + 1] * ~held[:, None]
+        gain = gain * (1.0 + change[:, DEGREE + 1])
+        offset = offset + gain * change[:, DEGREE + 2]
+        gain, offset = gain / gain.mean(), offset - offset.mean()
         kappa = kappa + kappa_change
-        last_change = float(np.abs(change).max()) if len(free) else 0.0
-        if last_change < 1e-4:
+        last_change = float(np.abs(change[~held, : DEGREE + 1]).max()) if not held.all() else 0.0
+        if last_change < 5e-4:
             break
-    return StepField(coefficients, centre, half_range, kappa, noise, inliers, last_change)
+    return StepField(coefficients, centre, half_range, gain, offset, kappa, noise, inliers, last_change)
 
 
-def _solve_pixels(
-    levels: FloatArray, phase: FloatArray, delta: FloatArray, kappa: AnyArray
-) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """(a, b, φ) of each pixel at known steps; returns φ, b, residual, w and w′ at the solution."""
+class _Pixels(NamedTuple):
+    """The pixels' own unknowns at known steps, and what they leave."""
+
+    phase: FloatArray  # (pixel,)
+    background: FloatArray  # (pixel,)
+    modulation: FloatArray  # (pixel,)
+    residual: FloatArray  # (frame, pixel)
+    value: FloatArray  # (frame, pixel), w
+    slope: FloatArray  # (frame, pixel), w′
+
+    def only(self, good: BoolArray) -> _Pixels:
+        return _Pixels(*(part[..., good] for part in self))
+
+
+def _solve_pixels(levels: FloatArray, phase: FloatArray, delta: FloatArray, kappa: AnyArray) -> _Pixels:
     for _ in range(2):
         value, slope = waveform_of(phase + delta, kappa)
         background, modulation, turned = _three_unknowns(levels, value, slope)
-        shift = np.arctan2(turned, modulation)
-        phase = phase + np.where(modulation > 0, shift, 0.0)
+        phase = phase + np.where(modulation > 0, np.arctan2(turned, modulation), 0.0)
     value, slope = waveform_of(phase + delta, kappa)
     background, modulation, _ = _three_unknowns(levels, value, slope)
-    return phase, modulation, levels - background - modulation * value, value, slope
+    return _Pixels(phase, background, modulation, levels - background - modulation * value, value, slope)
 
 
 def _three_unknowns(levels: FloatArray, value: FloatArray, slope: FloatArray) -> tuple[FloatArray, ...]:
@@ -149,38 +178,55 @@ def _harmonics(t: FloatArray, modulation: FloatArray) -> FloatArray:
 
 
 def _gauss_newton(
-    residual: FloatArray, value: FloatArray, slope: FloatArray, harmonics: FloatArray, basis: FloatArray, free: AnyArray
+    own: _Pixels, jacobian: FloatArray, harmonics: FloatArray, weight: FloatArray, mean: FloatArray
 ) -> tuple[FloatArray, AnyArray]:
-    """One reduced step: changes of C (free frame, k) and of κ."""
-    pixels = residual.shape[1]
-    terms, extra = basis.shape[1], harmonics.shape[2]
-    count = len(free) * terms
+    """One reduced step.
+
+    Parameters
+    ----------
+    jacobian
+        (frame, pixel, term), derivatives by the frame's own unknowns.
+    harmonics
+        (frame, pixel, 2·harmonics), derivatives by Re and Im of κ.
+    weight, mean
+        (term,) and (frame, term): weight of each unknown's prior (0: none), and its distance from the prior's mean.
+
+    Returns
+    -------
+    changes
+        (frame, term), and those of κ (complex).
+    """
+    frames, pixels, terms = jacobian.shape
+    extra = harmonics.shape[2]
+    count = frames * terms
     normal = np.zeros((count + extra, count + extra))
-    right = np.zeros(count + extra)
-    jacobian = slope[free, :, None] * basis  # (free frame, pixel, k)
-    own = np.matmul(jacobian.transpose(0, 2, 1), jacobian)
-    cross = np.matmul(jacobian.transpose(0, 2, 1), harmonics[free])
-    for i in range(len(free)):
-        here = slice(i * terms, (i + 1) * terms)
-        normal[here, here] = own[i]
-        normal[here, count:] = cross[i]
-        normal[count:, here] = cross[i].T
-        right[here] = jacobian[i].T @ residual[free[i]]
+    blocks = np.matmul(jacobian.transpose(0, 2, 1), jacobian)
+    cross = np.matmul(jacobian.transpose(0, 2, 1), harmonics)
+    for n in range(frames):
+        here = slice(n * terms, (n + 1) * terms)
+        normal[here, here] = blocks[n]
+        normal[here, count:] = cross[n]
+        normal[count:, here] = cross[n].T
     flat = harmonics.reshape(-1, extra)
     normal[count:, count:] = flat.T @ flat
-    right[count:] = flat.T @ residual.reshape(-1)
+    right = np.concatenate(
+        [np.matmul(jacobian.transpose(0, 2, 1), own.residual[..., None]).reshape(-1), flat.T @ own.residual.reshape(-1)]
+    )
     # the pixels' own unknowns, orthonormalised, then projected out
-    own_columns = np.stack([np.ones_like(value), value, slope], axis=-1).transpose(1, 0, 2)  # (pixel, frame, 3)
-    orthonormal = np.linalg.qr(own_columns)[0]
+    columns = np.stack([np.ones_like(own.value), own.value, own.slope], axis=-1).transpose(1, 0, 2)
+    orthonormal = np.linalg.qr(columns)[0].astype(np.float32)  # (pixel, frame, 3)
     reduced = np.empty((pixels, 3, count + extra), dtype=np.float32)
-    weighted = orthonormal[:, free, :].transpose(0, 2, 1) * slope[free].T[:, None, :]  # (pixel, 3, free frame)
-    reduced[..., :count] = (weighted[..., None] * basis[:, None, None, :]).reshape(pixels, 3, count)
-    reduced[..., count:] = np.matmul(orthonormal.transpose(0, 2, 1), harmonics.transpose(1, 0, 2))
-    projected = np.einsum("pni,np->pi", orthonormal, residual).reshape(-1)
+    per_frame = orthonormal.transpose(0, 2, 1)[..., None] * jacobian.transpose(1, 0, 2).astype(np.float32)[:, None]
+    reduced[..., :count] = per_frame.reshape(pixels, 3, count)
+    reduced[..., count:] = np.matmul(orthonormal.transpose(0, 2, 1), harmonics.transpose(1, 0, 2).astype(np.float32))
+    projected = np.einsum("pni,np->pi", orthonormal, own.residual).reshape(-1)
     rows = reduced.reshape(-1, count + extra)
     normal -= (rows.T @ rows).astype(np.float64)
-    right -= rows.T.astype(np.float64) @ projected
-    normal[np.diag_indices_from(normal)] += 1e-7 * np.trace(normal) / len(normal)
+    right -= rows.T @ projected.astype(np.float32)
+    diagonal = np.einsum("ii->i", normal)
+    diagonal[:count] += np.tile(weight, frames)
+    right[:count] -= (weight * mean).reshape(-1)
+    diagonal += 1e-7 * np.median(diagonal[diagonal > 0])
     solution = np.linalg.solve(normal, right)
     kappa = solution[count:].reshape(-1, 2)
-    return solution[:count].reshape(len(free), terms), kappa[:, 0] + 1j * kappa[:, 1]
+    return solution[:count].reshape(frames, terms), kappa[:, 0] + 1j * kappa[:, 1]

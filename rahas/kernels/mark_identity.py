@@ -125,6 +125,9 @@ def _grow(
                 matrix = camera_matrix_from_marks(target[match.mark], centre[match.ellipse])
             except ValueError:
                 return MarkIdentity(match.mark[:0], match.ellipse[:0]), np.inf
+            depth = target @ matrix[2, :3] + 1.0
+            if not np.all(depth > 0.05):  # a camera that has marks behind it
+                return MarkIdentity(match.mark[:0], match.ellipse[:0]), np.inf
             predicted = project(Camera(matrix, 0.0, np.zeros(2)), target)
         match = _match(predicted, centre, share=0.35 if model == "affine" else 0.15)
     residual = centre[match.ellipse] - predicted[match.mark]

@@ -19,6 +19,9 @@ _RAYS = 72
 _RADIAL_STEP_PX = 0.25
 
 
+_Ellipse = tuple[float, float, float, float, float]  # x, y, longer and shorter semi-axis, direction
+
+
 class Marks(NamedTuple):
     """Dark ellipses of an image, n of them."""
 
@@ -140,8 +143,8 @@ def _measure(image: Float32Array, centre: FloatArray, radius: float) -> tuple[fl
     strength = slope.max(axis=1)
     usable = (strength > 0.3 * np.median(strength)) & (peak > 0) & (peak < slope.shape[1] - 1)
     outline = centre + edge[:, None] * directions
-    ellipse = None
-    distance = np.zeros(_RAYS)
+    ellipse: _Ellipse | None = None
+    distance: FloatArray = np.zeros(_RAYS, dtype=np.float64)
     for _ in range(4):
         if usable.sum() < _RAYS // 2:
             return None
@@ -154,10 +157,63 @@ def _measure(image: Float32Array, centre: FloatArray, radius: float) -> tuple[fl
     rms = float(np.sqrt(np.mean(distance[usable] ** 2))) if usable.any() else np.inf
     if ellipse is None or rms > 0.05 * radius + 0.15 or ellipse[3] < 0.4 * ellipse[2]:
         return None
-    return (*ellipse, rms)
+    refined = _refine(image, ellipse)
+    return (*ellipse, rms) if refined is None else refined
 
 
-def _fit_ellipse(points: FloatArray) -> tuple[float, float, float, float, float] | None:
+def _refine(image: Float32Array, ellipse: _Ellipse) -> tuple[float, ...] | None:
+    """The outline once more, by area: where a sharp edge would leave as much dark, the level outside being a slope.
+
+    Shading and left-over stripes make the level outside the mark uneven; a ray's own straight line takes that out.
+    """
+    radius = float(np.sqrt(ellipse[2] * ellipse[3]))
+    soft = min(2.5, 0.45 * radius)  # half the width of a blurred edge
+    outside = float(np.clip(0.4 * radius, 2.5, 4.0))
+    angle = np.arange(_RAYS) * (2.0 * np.pi / _RAYS)
+    directions = np.column_stack([np.cos(angle), np.sin(angle)])
+    to_edge = _radius_of_ellipse(ellipse, directions)
+    offset = np.arange(-soft - 1.5, soft + outside, _RADIAL_STEP_PX)
+    points = np.array(ellipse[:2]) + (to_edge[:, None] + offset)[..., None] * directions[:, None, :]
+    if points.min() < 0 or points[..., 0].max() > image.shape[1] - 1 or points[..., 1].max() > image.shape[0] - 1:
+        return None
+    maps = points.astype(np.float32)
+    values = cv2.remap(image, maps[..., 0], maps[..., 1], cv2.INTER_CUBIC).astype(np.float64)
+    dark = float(np.median(values[:, offset < -soft]))
+    beyond = offset > soft
+    line = np.column_stack([np.ones(int(beyond.sum())), offset[beyond]])
+    trend = np.linalg.pinv(line) @ values[:, beyond].T
+    bright = trend[0][:, None] + trend[1][:, None] * offset
+    edge_window = np.abs(offset) <= soft
+    lightness = (values - dark) / np.maximum(bright - dark, 1e-6)
+    inner_end = offset[edge_window][0] - _RADIAL_STEP_PX / 2.0
+    shift = inner_end + _RADIAL_STEP_PX * np.sum(1.0 - lightness[:, edge_window], axis=1)
+    outline = np.array(ellipse[:2]) + (to_edge + shift)[:, None] * directions
+    usable = np.abs(shift - np.median(shift)) < 1.0
+    fitted: _Ellipse | None = None
+    for _ in range(3):
+        if usable.sum() < _RAYS // 2:
+            return None
+        fitted = _fit_ellipse(outline[usable])
+        if fitted is None:
+            return None
+        distance = _distance_to_ellipse(outline, fitted)
+        scatter = 1.4826 * float(np.median(np.abs(distance[usable])))
+        usable = np.abs(distance) < max(3.0 * scatter, 0.05)
+    if fitted is None or not usable.any():
+        return None
+    return (*fitted, float(np.sqrt(np.mean(distance[usable] ** 2))))
+
+
+def _radius_of_ellipse(ellipse: _Ellipse, directions: FloatArray) -> FloatArray:
+    """Distance of the outline from the centre along unit ``directions`` (n, 2)."""
+    _, _, longer, shorter, direction = ellipse
+    along = directions @ np.array([np.cos(direction), np.sin(direction)])
+    across = directions @ np.array([-np.sin(direction), np.cos(direction)])
+    radius: FloatArray = 1.0 / np.hypot(along / longer, across / shorter)
+    return radius
+
+
+def _fit_ellipse(points: FloatArray) -> _Ellipse | None:
     """Direct least-squares ellipse (Halíř & Flusser 1998): x, y, longer and shorter semi-axis, direction."""
     mean = points.mean(axis=0)
     size = float(np.abs(points - mean).max())
@@ -186,7 +242,7 @@ def _fit_ellipse(points: FloatArray) -> tuple[float, float, float, float, float]
     return float(cx), float(cy), float(longer * size), float(shorter * size), direction
 
 
-def _distance_to_ellipse(points: FloatArray, ellipse: tuple[float, float, float, float, float]) -> FloatArray:
+def _distance_to_ellipse(points: FloatArray, ellipse: _Ellipse) -> FloatArray:
     """Signed distance (first order) of points from the outline, px."""
     x, y, longer, shorter, direction = ellipse
     turn = np.array([[np.cos(direction), np.sin(direction)], [-np.sin(direction), np.cos(direction)]])

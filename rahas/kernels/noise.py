@@ -27,58 +27,28 @@ class NoiseCurve(NamedTuple):
         return np.interp(np.asarray(level, dtype=np.float64), self.level, self.sigma)
 
 
-def noise_of_capture(
-    *, far_pairs: AnyArray, near_triples: AnyArray, background: AnyArray, residual: AnyArray, top_level: float
-) -> NoiseCurve:
-    """Noise curve of a capture: the largest, level by level, of what holds, moving stripes and their fit show.
-
-    A lossy codec freezes the picture of a hold, noise and all, and only shows its errors when something moves; so
-    consecutive frames of the scan count too, through their second difference, in which moving stripes cancel, and
-    the residuals of the scan's fit, through the quarter of the pixels that the stripe model fits best.
-
-    Parameters
-    ----------
-    far_pairs
-        (pair, 2, y, x) grey levels, frames of one hold some ten frames apart (codecs carry noise over to the next).
-    near_triples
-        (triple, 3, y, x) consecutive frames of the scan; may be none.
-    background, residual
-        (y, x) grey levels: the fit's mean level and standard deviation.
-    top_level
-        Highest grey level that the frames can hold.
-
-    Raises
-    ------
-    ValueError
-        There is nothing to measure noise on.
-    """
-    curves = []
-    pairs = far_pairs.astype(np.float32)
-    triples = near_triples.astype(np.float32)
-    if len(pairs):
-        curves.append(_curve(pairs[:, 1] - pairs[:, 0], pairs.mean(axis=1), 2.0, top_level))
-    if len(triples):
-        second = triples[:, 0] - 2 * triples[:, 1] + triples[:, 2]
-        curves.append(_curve(second, triples.mean(axis=1), 6.0, top_level))
-    curves.append(_residual_curve(background, residual, top_level))
-    known = [curve for curve in curves if curve is not None]
-    if not known:
-        raise ValueError(f"nothing to measure noise on: {len(pairs)} pairs, {len(triples)} triples, {residual.size} pixels")
-    level = np.unique(np.concatenate([curve.level for curve in known]))
-    return NoiseCurve(level, np.max([curve.at(level) for curve in known], axis=0))
-
-
-def _curve(differences: AnyArray, levels: AnyArray, gain: float, top_level: float) -> NoiseCurve | None:
-    """Noise from differences (sample, y, x) whose variance is ``gain`` times a frame's.
+def noise_from_differences(
+    differences: AnyArray, levels: AnyArray, *, gain: float, top_level: float
+) -> NoiseCurve | None:
+    """Noise curve from differences of frames that show the same scene; ``None`` without two different frames.
 
     Within a sample and a level the difference's mean (flicker, lamp warming up) is taken out and what is beyond four
     standard deviations is left out. Over the samples the lower quartile is taken: what a bump, a passing hand or a
     duplicated frame did to some of them does not count.
+
+    Parameters
+    ----------
+    differences, levels
+        (sample, y, x) grey levels: the difference, and the level that it was seen at.
+    gain
+        Variance of such a difference in variances of one frame: 2 for I₁ − I₂, 6 for I₁ − 2 I₂ + I₃.
+    top_level
+        Highest grey level that the frames can hold.
     """
     width = (top_level + 1.0) / _BINS
     table = np.array(
         [
-            _variance_by_bin(difference.ravel(), level.ravel() / np.float32(width))
+            _variance_by_bin(difference.ravel(), level.ravel() / width)
             for difference, level in zip(differences, levels, strict=True)
             if difference.any()
         ]
@@ -90,16 +60,42 @@ def _curve(differences: AnyArray, levels: AnyArray, gain: float, top_level: floa
     return NoiseCurve((np.flatnonzero(seen) + 0.5) * width, np.sqrt(np.maximum(variance, _QUANTISATION_VARIANCE)))
 
 
-def _residual_curve(background: AnyArray, residual: AnyArray, top_level: float) -> NoiseCurve | None:
+def noise_from_residual(residual: AnyArray, levels: AnyArray, *, top_level: float) -> NoiseCurve | None:
+    """Noise curve from a fit's standard deviation (y, x): of each level, the quarter that the model fits best."""
     width = (top_level + 1.0) / _BINS
-    index = np.clip((background / width).astype(np.int64), 0, _BINS - 1).ravel()
+    index = np.clip((levels / width).astype(np.int64), 0, _BINS - 1).ravel()
     order = np.argsort(index, kind="stable")
     groups = np.split(residual.ravel()[order], np.cumsum(np.bincount(index, minlength=_BINS))[:-1])
-    seen = [bin_number for bin_number, group in enumerate(groups) if len(group) >= _LEAST_PIXELS]
+    seen = [number for number, group in enumerate(groups) if len(group) >= _LEAST_PIXELS]
     if not seen:
         return None
-    sigma = np.array([np.quantile(groups[bin_number], 0.25) for bin_number in seen])
+    sigma = np.array([np.quantile(groups[number], 0.25) for number in seen])
     return NoiseCurve((np.array(seen) + 0.5) * width, np.maximum(sigma, np.sqrt(_QUANTISATION_VARIANCE)))
+
+
+def combined_noise(
+    *, still: NoiseCurve | None, moving: NoiseCurve | None, residual: NoiseCurve | None, lit_level: float
+) -> NoiseCurve:
+    """Noise curve of a capture from its holds, from its moving stripes and from what their fit leaves.
+
+    A lossy codec freezes what does not move, noise and all: what it hides at ``lit_level`` (grey levels), seen as the
+    excess of moving over still frames there, it can hide anywhere, and is added at every level. Else the largest of
+    the three counts, level by level.
+
+    Raises
+    ------
+    ValueError
+        None of the three is known.
+    """
+    known = [curve for curve in (still, moving, residual) if curve is not None]
+    if not known:
+        raise ValueError("noise cannot be told: no two different frames, no fit")
+    level = np.unique(np.concatenate([curve.level for curve in known]))
+    largest = np.max([curve.at(level) for curve in known], axis=0)
+    hidden = 0.0
+    if still is not None and moving is not None:
+        hidden = max(float(moving.at(lit_level)) ** 2 - float(still.at(lit_level)) ** 2, 0.0)
+    return NoiseCurve(level, np.maximum(largest, np.sqrt(_QUANTISATION_VARIANCE + hidden)))
 
 
 def _variance_by_bin(difference: AnyArray, bins: AnyArray) -> FloatArray:

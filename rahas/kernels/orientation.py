@@ -12,18 +12,52 @@ components (xx, xy, yy); x to the right, y down.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from rahas.typing import Float32Array, FloatArray
 
+DERIVATIVE = (0.82459, -0.22026, 0.03974)
+"""Antisymmetric derivative filter: true to 0.6 % for stripes of 3.7 pixels and more, so that its response does not
+depend on the stripes' direction (central differences are 20 % off at 6 pixels, which is 3° at 45°)."""
+REACH = len(DERIVATIVE)
 
-def gradient_tensors(stripes: Float32Array, weight: Float32Array) -> FloatArray:
-    """Structure tensor of each frame, (frame, 3), from central differences of ``stripes`` (frame, y, x)."""
-    gradient_x = stripes[:, 1:-1, 2:] - stripes[:, 1:-1, :-2]
-    gradient_y = stripes[:, 2:, 1:-1] - stripes[:, :-2, 1:-1]
-    inner = weight[1:-1, 1:-1] / weight[1:-1, 1:-1].sum()
-    pairs = ((gradient_x, gradient_x), (gradient_x, gradient_y), (gradient_y, gradient_y))
-    return np.stack([np.einsum("nyx,nyx,yx->n", a, b, inner) for a, b in pairs], axis=1).astype(np.float64)
+
+class StripeTensors(NamedTuple):
+    """Structure tensors and power of frames."""
+
+    tensor: FloatArray
+    """(frame, 3): xx, xy, yy."""
+    power: FloatArray
+    """(frame) mean square of the stripes over the same pixels."""
+
+    def less(self, noise: StripeTensors) -> StripeTensors:
+        """With the mean of ``noise`` taken out."""
+        return StripeTensors(self.tensor - noise.tensor.mean(0), self.power - noise.power.mean())
+
+    def of_even_strength(self) -> FloatArray:
+        """(frame, 3) the tensor of stripes of unit power: exposure, flicker and blur drop out."""
+        return self.tensor / np.maximum(self.power, np.finfo(float).tiny)[:, None]
+
+
+def stripe_tensors(stripes: Float32Array, weight: Float32Array) -> StripeTensors:
+    """Structure tensor of each frame of ``stripes`` (frame, y, x) over the field, pixels weighted by ``weight``."""
+    inner = stripes[:, REACH:-REACH, REACH:-REACH]
+    gradient_x, gradient_y = np.zeros_like(inner), np.zeros_like(inner)
+    height, width = stripes.shape[1:]
+    for lag, share in enumerate(DERIVATIVE, start=1):
+        near, far = REACH - lag, REACH + lag
+        rows, columns = slice(REACH, height - REACH), slice(REACH, width - REACH)
+        ahead, behind = slice(far, width - near), slice(near, width - far)
+        gradient_x += np.float32(share) * (stripes[:, rows, ahead] - stripes[:, rows, behind])
+        ahead, behind = slice(far, height - near), slice(near, height - far)
+        gradient_y += np.float32(share) * (stripes[:, ahead, columns] - stripes[:, behind, columns])
+    share_of = weight[REACH:-REACH, REACH:-REACH]
+    share_of = share_of / share_of.sum()
+    pairs = ((gradient_x, gradient_x), (gradient_x, gradient_y), (gradient_y, gradient_y), (inner, inner))
+    sums = [np.einsum("nyx,nyx,yx->n", a, b, share_of).astype(np.float64) for a, b in pairs]
+    return StripeTensors(np.stack(sums[:3], axis=1), sums[3])
 
 
 def gradient_direction_deg(tensors: FloatArray) -> FloatArray:
@@ -39,14 +73,15 @@ def slide_angle_from_tensors(
     Parameters
     ----------
     tensors
-        (frame, 3), noise taken out; a frame's overall strength does not matter.
+        (frame, 3), noise taken out; a frame's overall strength does not matter, and frames that do not fit (a jolt of
+        the rig) count little.
     first_stop, second_stop
         (3) tensors of the two holds, of the same strength.
     sense
         +1 where the gradient turns from +x to +y, −1 where it turns from −x to +y.
     """
     cross = np.array([0.0, sense * 0.5 * np.sqrt(max(first_stop[0] * second_stop[2], 0.0)), 0.0])
-    angle = np.zeros(len(tensors))
+    angle, trust = np.zeros(len(tensors)), np.ones(len(tensors))
     for _ in range(iterations):
         shares = np.linalg.lstsq(np.stack([first_stop, cross, second_stop], axis=1), tensors.T, rcond=None)[0]
         angle = 0.5 * np.arctan2(shares[1], shares[0] - shares[2])
@@ -55,7 +90,9 @@ def slide_angle_from_tensors(
         strength = (tensors * model).sum(1) / np.maximum((model**2).sum(1), np.finfo(float).tiny)
         rest = tensors - strength[:, None] * (np.outer(cosine, first_stop) + np.outer(sine, second_stop))
         lever = strength * double
+        misfit = np.linalg.norm(rest - lever[:, None] * cross, axis=1)
+        trust = 1 / (1 + (misfit / max(2 * float(np.median(misfit)), np.finfo(float).tiny)) ** 2)
         if (lever**2).sum() <= 0:
             break
-        cross = lever @ rest / (lever**2).sum()
+        cross = (trust * lever) @ rest / (trust * lever**2).sum()
     return np.degrees(np.where(angle < -np.pi / 4, angle + np.pi, angle))

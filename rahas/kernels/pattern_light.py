@@ -51,8 +51,13 @@ def frame_change(
         squares[frames] = np.square(difference, out=difference) @ pixel_weight
         previous = values[-1:]
     rms = np.sqrt(squares)
-    moving = rms[1:][rms[1:] > 0]
-    return FrameChange(rms, float(np.quantile(moving, 0.1) / np.sqrt(2)) if moving.size else 0.0)
+    return FrameChange(rms, quiet_noise(rms[1:]))
+
+
+def quiet_noise(change_rms: FloatArray) -> float:
+    """Standard deviation of one pixel, from the quietest tenth of the frame pairs (exact repeats left out)."""
+    different = change_rms[change_rms > 0]
+    return float(np.quantile(different, 0.1) / np.sqrt(2)) if different.size else 0.0
 
 
 def path_weights(change: FrameChange) -> FloatArray:

@@ -42,8 +42,8 @@ class Peaks(NamedTuple):
     mask: ByteArray
     """(x, y) the trinary snake mask D."""
     y: Float32Array
-    """(x, slot) sub-pixel row of each peak; only the first ``count`` slots of a column are set."""
-    count: AnyArray
+    """(x, slot) sub-pixel row of each peak; only the first ``counts`` slots of a column are set."""
+    counts: AnyArray
     """(x) int32 number of peaks of each column."""
 
 

@@ -7,12 +7,14 @@ that do not follow the model (the pattern's edge has crossed the pixel, a shadow
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 
 import numba
 import numpy as np
 
 from rahas.kernels.joint_steps import HARMONICS, StepField
+from rahas.kernels.lit_spans import solve_lit_spans
+from rahas.kernels.normal_sums import SUMS, Solution, solve_sums
 from rahas.kernels.phase_shifting import FringeMaps, wrap
 from rahas.typing import AnyArray, Float32Array, FloatArray
 
@@ -20,7 +22,8 @@ TABLE_SIZE = 8192
 MIN_ARC = 0.75 * 2.0 * np.pi  # radians; less of a period does not hold a phase
 REJECT_SIGMAS = 5.0
 REJECT_MODULATION = 0.2
-SUMS = 10  # 1, c, s, cc, cs, ss, I, Ic, Is, II
+CROSSED = 2.5  # a pixel whose residual is so many times its neighbours' does not follow the model
+QUANTISATION = 0.3  # grey levels
 
 
 def solve_phase_field(
@@ -43,70 +46,106 @@ def solve_phase_field(
         As from :class:`rahas.kernels.phase_shifting.HarmonicSums`.
     """
     basis = field.basis(unwrapped.reshape(-1)).astype(np.float32)
-    table = np.cos(2.0 * np.pi * np.arange(TABLE_SIZE + TABLE_SIZE // 4 + 2) / TABLE_SIZE).astype(np.float32)
-    coefficients = field.coefficients.astype(np.float32)
+    table = np.cos(2.0 * np.pi * np.arange(TABLE_SIZE + 2) / TABLE_SIZE).astype(np.float32)
+    per_frame = np.column_stack([field.coefficients, field.gain, field.offset]).astype(np.float32)
     kappa = np.array([[k.real, k.imag] for k in field.waveform], np.float32)
-    solution = np.zeros((unwrapped.size, 4), np.float32)  # a, c, s, σ
-    for passage in range(2):
-        sums = np.zeros((unwrapped.size, SUMS), np.float32)
-        spread = np.empty((unwrapped.size, 2), np.float32)
-        spread[:, 0], spread[:, 1] = np.inf, -np.inf
-        start = 0
-        for block in read_blocks():
-            pixels = np.ascontiguousarray(block.reshape(len(block), -1))
-            here = coefficients[start : start + len(block)]
-            _accumulate(pixels, here, basis, table, kappa, solution, passage == 1, sums, spread)
-            start += len(block)
-        solution, variance = _solved(sums)
-    solution[spread[:, 1] - spread[:, 0] < MIN_ARC, 1:3] = 0.0
-    return _maps(solution, variance, unwrapped.shape)
+    solution, _ = _passage(read_blocks(), per_frame, basis, table, kappa, None)
+    noise = _expected_noise(solution)
+    crossed = np.flatnonzero(solution.noise > CROSSED * noise)
+    series: list[AnyArray] = []
+    solution, arc = _passage(_keeping(read_blocks(), crossed, series), per_frame, basis, table, kappa, solution)
+    if len(crossed):
+        spans = solve_lit_spans(
+            (np.concatenate(series) - field.offset[:, None]) / field.gain[:, None],
+            field.coefficients @ basis[:, crossed],
+            noise[crossed],
+            min_arc=MIN_ARC,
+            tolerance=CROSSED,
+        )
+        for target, found in zip(solution, spans, strict=True):
+            target[crossed] = found
+        arc[crossed] = np.inf
+    solution.cosine[arc < MIN_ARC] = 0.0
+    solution.sine[arc < MIN_ARC] = 0.0
+    return _maps(solution, unwrapped.shape)
 
 
-def _solved(sums: Float32Array) -> tuple[Float32Array, FloatArray]:
-    """Solve each pixel's 3 × 3 normal equations; columns a, c, s, σ, and var φ·b²/σ² as the last result."""
-    one, c, s, cc, cs, ss, i, ic, is_, ii = (sums[:, k].astype(np.float64) for k in range(SUMS))
-    one = np.maximum(one, 1.0)
-    # means removed: two unknowns are left
-    cc, cs, ss = cc - c * c / one, cs - c * s / one, ss - s * s / one
-    ic, is_ = ic - c * i / one, is_ - s * i / one
-    determinant = cc * ss - cs * cs
-    good = determinant > 1e-3 * one * one
-    safe = np.where(good, determinant, 1.0)
-    cosine = np.where(good, (ss * ic - cs * is_) / safe, 0.0)
-    sine = np.where(good, (cc * is_ - cs * ic) / safe, 0.0)
-    level = (i - cosine * c - sine * s) / one
-    left = ii - i * i / one - cosine * ic - sine * is_
-    sigma = np.sqrt(np.maximum(left, 0.0) / np.maximum(one - 3.0, 1.0))
-    square = np.maximum(cosine**2 + sine**2, 1e-9)
-    # variance of the angle of (c, −s): the inverse normal matrix across the phasor
-    factor = (sine**2 * ss + cosine**2 * cc + 2.0 * sine * cosine * cs) / (safe * square)
-    solution = np.stack([level, cosine, sine, np.where(good, sigma, np.inf)], axis=1).astype(np.float32)
-    return solution, np.where(good, factor, np.inf)
+def _passage(
+    blocks: Iterable[AnyArray],
+    per_frame: Float32Array,
+    basis: Float32Array,
+    table: Float32Array,
+    kappa: Float32Array,
+    former: Solution | None,
+) -> tuple[Solution, Float32Array]:
+    """One pass over the frames: the solution, and the arc (pixel,) in radians that its frames span."""
+    pixels = basis.shape[1]
+    sums = np.zeros((pixels, SUMS), np.float32)
+    arc = np.empty((pixels, 2), np.float32)
+    arc[:, 0], arc[:, 1] = np.inf, -np.inf
+    base = np.zeros(pixels, np.float32)  # taken off before summing: single precision then suffices
+    known = np.zeros((pixels, 4), np.float32)
+    if former is not None:
+        known[:] = np.stack([former.background, former.cosine, former.sine, former.noise], axis=1)
+    start = 0
+    for block in blocks:
+        levels = np.ascontiguousarray(block.reshape(len(block), -1))
+        if start == 0:
+            base[:] = levels[0]
+        here = per_frame[start : start + len(block)]
+        _accumulate(levels, here, basis, table, kappa, known, former is not None, base, sums, arc)
+        start += len(block)
+    solution = solve_sums(sums)
+    return solution._replace(background=solution.background + base), arc[:, 1] - arc[:, 0]
 
 
-def _maps(solution: Float32Array, factor: FloatArray, shape: tuple[int, ...]) -> FringeMaps:
-    background, cosine, sine, sigma = solution.T
-    modulation = np.hypot(cosine, sine)
+def _keeping(blocks: Iterable[AnyArray], pixels: AnyArray, kept: list[AnyArray]) -> Iterator[AnyArray]:
+    """Pass blocks on, keeping the frames of some pixels."""
+    for block in blocks:
+        if len(pixels):
+            kept.append(block.reshape(len(block), -1)[:, pixels])
+        yield block
+
+
+def _expected_noise(solution: Solution) -> FloatArray:
+    """Residual that a pixel in the light has, from the field's own pixels of like brightness. (pixel,), grey levels."""
+    known = np.isfinite(solution.noise) & (np.hypot(solution.cosine, solution.sine) > 3.0 * QUANTISATION)
+    expected = np.full(len(solution.noise), np.inf)
+    if known.sum() < 100:
+        return expected
+    edges = np.quantile(solution.background[known], np.linspace(0.0, 1.0, 9))
+    bins = np.clip(np.searchsorted(edges, solution.background) - 1, 0, 7)
+    for b in range(8):
+        members = known & (bins == b)
+        if members.any():
+            expected[bins == b] = max(QUANTISATION, float(np.median(solution.noise[members])))
+    return expected
+
+
+def _maps(solution: Solution, shape: tuple[int, ...]) -> FringeMaps:
+    modulation = np.hypot(solution.cosine, solution.sine)
     with np.errstate(divide="ignore", invalid="ignore"):
-        phase_std = sigma * np.sqrt(factor) / modulation
+        phase_std = np.where(modulation > 0, solution.noise * solution.spread / modulation, np.inf)
+    wrapped = wrap(np.arctan2(-solution.sine, solution.cosine))
     return FringeMaps(
         *(
             np.ascontiguousarray(m.reshape(shape), dtype=np.float32)
-            for m in (wrap(np.arctan2(-sine, cosine)), background, modulation, phase_std, sigma)
+            for m in (wrapped, solution.background, modulation, phase_std, solution.noise)
         )
     )
 
 
 @numba.njit(cache=True, fastmath=True)
-def _accumulate(pixels, coefficients, basis, table, kappa, solution, refine, sums, spread):  # type: ignore[no-untyped-def]
+def _accumulate(pixels, per_frame, basis, table, kappa, solution, refine, base, sums, arc):  # type: ignore[no-untyped-def]
     frames, count = pixels.shape
     scale = np.float32(TABLE_SIZE / (2.0 * np.pi))
     quarter = TABLE_SIZE // 4
     mask = TABLE_SIZE - 1
     for n in range(frames):
-        k0, k1, k2 = coefficients[n, 0], coefficients[n, 1], coefficients[n, 2]
+        k0, k1, k2, offset = per_frame[n, 0], per_frame[n, 1], per_frame[n, 2], per_frame[n, 4]
+        lift = np.float32(1.0) / per_frame[n, 3]
         for p in range(count):
-            level = np.float32(pixels[n, p])
+            level = (np.float32(pixels[n, p]) - offset) * lift
             delta = k0 * basis[0, p] + k1 * basis[1, p] + k2 * basis[2, p]
             place = delta * scale
             low = np.floor(place)
@@ -129,6 +168,7 @@ def _accumulate(pixels, coefficients, basis, table, kappa, solution, refine, sum
                     off = level - a - modulation * co
                     if abs(off) > REJECT_SIGMAS * sigma + REJECT_MODULATION * modulation:
                         continue
+            level -= base[p]
             sums[p, 0] += 1.0
             sums[p, 1] += cosine
             sums[p, 2] += sine
@@ -139,10 +179,10 @@ def _accumulate(pixels, coefficients, basis, table, kappa, solution, refine, sum
             sums[p, 7] += level * cosine
             sums[p, 8] += level * sine
             sums[p, 9] += level * level
-            if delta < spread[p, 0]:
-                spread[p, 0] = delta
-            if delta > spread[p, 1]:
-                spread[p, 1] = delta
+            if delta < arc[p, 0]:
+                arc[p, 0] = delta
+            if delta > arc[p, 1]:
+                arc[p, 1] = delta
 
 
 assert HARMONICS == (2, 3)  # the loop above spells them out

@@ -63,7 +63,7 @@ def advanced_iterative_steps(
     PhaseSteps
         The zero of ``step`` is the start's (their mean difference is none); see :func:`with_zero_at`.
     """
-    step = np.asarray(start, np.float64).copy()
+    step: FloatArray = np.asarray(start, np.float64).copy()
     balanced: Float32Array = samples
     trust: Float32Array = weight.astype(np.float32)
     for _ in range(iterations):
@@ -73,12 +73,12 @@ def advanced_iterative_steps(
         light, new_step = _frame_fit(samples, trust, background, in_phase, quadrature)
         balanced = samples - (light - background)
         new_step = np.unwrap(new_step)
-        new_step -= np.average(new_step - step, weights=frame_weight)
+        new_step -= float(np.average(new_step - step, weights=frame_weight))
         moved = float(np.abs(new_step - step).max())
         step = new_step
-        left = balanced - background - np.outer(np.cos(step), in_phase) + np.outer(np.sin(step), quadrature)
-        error: Float32Array = frame_weight.astype(np.float32) @ np.square(left) / np.float32(frame_weight.sum())
-        trust = weight / (1 + error / max(float(np.median(error)) * 4, 1e-12)).astype(np.float32)
+        fitted = background + _outer(np.cos(step), in_phase) - _outer(np.sin(step), quadrature)
+        error = _mean_square(balanced - fitted, frame_weight)
+        trust = weight / (1 + error / np.float32(max(float(np.median(error)) * 4, 1e-12)))
         if moved < tolerance:
             break
     return PhaseSteps(
@@ -150,4 +150,14 @@ def _frame_fit(
     aim[1] += 1e-3 * float(weight @ np.square(background))  # ... then the gain is 1
     share = np.linalg.solve(normal, aim.astype(np.float64))
     light = (basis[:2].T @ share[:2].astype(np.float32)).T
-    return light, np.arctan2(share[3], share[2])
+    return light, np.arctan2(share[3], share[2]).astype(np.float64)
+
+
+def _mean_square(residual: Float32Array, frame_weight: FloatArray) -> Float32Array:
+    """(pixel) weighted mean square over the frames."""
+    share = (frame_weight / frame_weight.sum()).astype(np.float32)
+    return np.asarray(share @ np.square(residual))
+
+
+def _outer(frames: FloatArray, pixels: Float32Array) -> Float32Array:
+    return np.asarray(np.multiply.outer(frames.astype(np.float32), pixels))

@@ -69,6 +69,8 @@ def depth_std_from_calibration(
 
     sizes = np.sqrt(np.maximum(np.diag(covariance), 0.0))
     moving = sizes > 0
+    if not moving.any():
+        return np.zeros(unwrapped_phase.shape)
     derivative = np.zeros((unwrapped_phase.size, parameters.size))
     derivative[:, moving] = _derivative(depth, parameters, np.where(moving, sizes, 0.0) * 1e4, only=moving)
     variance = np.einsum("ni,ij,nj->n", derivative, covariance, derivative)

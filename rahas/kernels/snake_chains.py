@@ -38,7 +38,7 @@ def chains_of_peaks(peaks: Peaks, *, reach_px: float) -> Chains:
     number = np.full(peaks.y.shape, -1, np.int32)
     first = np.zeros(peaks.y.size, np.int32)
     last = np.zeros(peaks.y.size, np.int32)
-    n = _link(peaks.y, peaks.count, reach_px, number, first, last)
+    n = _link(peaks.y, peaks.counts, reach_px, number, first, last)
     first, last = first[:n], last[:n]
     start = np.zeros(n, np.int32)
     start[1:] = np.cumsum(last - first + 1)[:-1]
@@ -62,24 +62,39 @@ def names_by_vote(chains: Chains, votes: AnyArray, *, min_agreement: float) -> A
         Share of a chain's votes that its commonest name must have for the whole chain to get it; else only the voters
         keep their names.
     """
-    n = chains.first.size
-    if n == 0:
+    if chains.first.size == 0:
         return votes.copy()
-    top = int(votes.max()) + 1
-    x, slot = np.nonzero(votes > 0)
-    tally = np.bincount(chains.number[x, slot] * top + votes[x, slot], minlength=n * top).reshape(n, top)
-    winner = tally.argmax(axis=1)
-    total = tally.sum(axis=1)
-    agreed = (total > 0) & (tally.max(axis=1) >= min_agreement * total)
+    winner, support, total = _tally(chains, votes)
+    agreed = (total > 0) & (support >= min_agreement * total)
     whole: BoolArray = np.append(agreed, False)[chains.number]
     names: AnyArray = np.where(whole, np.append(winner, 0)[chains.number], votes).astype(np.int16)
     return names
 
 
+def names_added(chains: Chains, names: AnyArray, votes: AnyArray, *, min_share: float, min_length_px: int) -> AnyArray:
+    """Names with those of chains that had none, where ``min_share`` of all pixels of a chain vote for one name."""
+    if chains.first.size == 0:
+        return names.copy()
+    winner, support, _ = _tally(chains, votes)
+    length = chains.last - chains.first + 1
+    unnamed = np.bincount(chains.number[names > 0], minlength=length.size) == 0
+    agreed = unnamed & (length >= min_length_px) & (support >= min_share * length)
+    added: BoolArray = np.append(agreed, False)[chains.number]
+    out: AnyArray = np.where(added, np.append(winner, 0)[chains.number], names).astype(np.int16)
+    return out
+
+
+def _tally(chains: Chains, votes: AnyArray) -> tuple[AnyArray, AnyArray, AnyArray]:
+    """Of each chain: the commonest name, the votes for it, all votes."""
+    n = chains.first.size
+    top = int(votes.max(initial=0)) + 1
+    x, slot = np.nonzero(votes > 0)
+    tally = np.bincount(chains.number[x, slot] * top + votes[x, slot], minlength=n * top).reshape(n, top)
+    return tally.argmax(axis=1), tally.max(axis=1), tally.sum(axis=1)
+
+
 @numba.njit(cache=True)
-def _link(
-    y: Float32Array, count: AnyArray, reach: float, number: AnyArray, first: AnyArray, last: AnyArray
-) -> int:
+def _link(y: Float32Array, count: AnyArray, reach: float, number: AnyArray, first: AnyArray, last: AnyArray) -> int:
     n = 0
     for x in range(count.size):
         j = 0

@@ -45,7 +45,7 @@ def drop_contradictions(peaks: Peaks, chains: Chains, names: AnyArray, rule: Gro
     if chains.first.size == 0:
         return kept
     before = _named_pixels(chains, names)
-    _drop(peaks.y, peaks.count, chains.number, before, *rule[:1], rule.min_spacing, rule.max_spacing, kept)
+    _drop(peaks.y, peaks.counts, chains.number, before, *rule[:1], rule.min_spacing, rule.max_spacing, kept)
     lost = _named_pixels(chains, kept) < 0.67 * before
     kept[np.append(lost, False)[chains.number]] = 0
     return kept
@@ -59,11 +59,11 @@ def multi_pass_grow(peaks: Peaks, chains: Chains, names: AnyArray, rule: GrowthR
     grown = names.copy()
     for _ in range(4):
         added = _grow_sideways(
-            peaks.y, peaks.count, chains.number, chains.first, chains.last, chains.start, chains.y, chains.slot,
+            peaks.y, peaks.counts, chains.number, chains.first, chains.last, chains.start, chains.y, chains.slot,
             rule.pitch_px, rule.gap_px, rule.reach_px, rule.min_spacing, rule.max_spacing, grown,
         )  # fmt: skip
         added += _grow_by_neighbours(
-            peaks.y, peaks.count, chains.number, chains.first, chains.last, chains.start, chains.y, chains.slot,
+            peaks.y, peaks.counts, chains.number, chains.first, chains.last, chains.start, chains.y, chains.slot,
             rule.pitch_px, rule.min_spacing, rule.max_spacing, rule.min_length_px, snakes, grown,
         )  # fmt: skip
         if added == 0:

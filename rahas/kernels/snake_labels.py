@@ -18,6 +18,7 @@ DELTA_X_PX = 5
 _BANDS = (0.0, 0.06, -0.06, 0.12, -0.12, 0.2, -0.2, 0.3, -0.3)
 _MIN_STRIPES = 3
 _MAX_RESIDUAL = 0.25
+_FIT_POINTS = 1500
 
 
 def first_names(peaks: Peaks, chains: Chains, *, pitch_px: float) -> AnyArray:
@@ -37,7 +38,7 @@ def init_to_snake(peaks: Peaks, *, pitch_px: float) -> AnyArray:
     The band is the middle of the canvas or, where a shadow hides stripes there, the nearest one of a few others that
     shows clearly more of them. Two maxima further apart than a pitch leave numbers for the stripes hidden between them.
     """
-    nx = peaks.count.size
+    nx = peaks.counts.size
     dm = max(2, int(pitch_px / 4))
     best: tuple[int, IntArray] = (nx // 2, np.zeros(0, np.int64))
     for share in _BANDS:
@@ -59,13 +60,26 @@ def init_to_snake(peaks: Peaks, *, pitch_px: float) -> AnyArray:
     for row, number in zip(rows, numbers, strict=True):
         for dx in sorted(range(-DELTA_X_PX, DELTA_X_PX + 1), key=abs):
             x = x_mid + dx
-            if not 0 <= x < nx or peaks.count[x] == 0:
+            if not 0 <= x < nx or peaks.counts[x] == 0:
                 continue
-            away = np.abs(peaks.y[x, : peaks.count[x]] - row)
+            away = np.abs(peaks.y[x, : peaks.counts[x]] - row)
             if away.min() < reach:
                 seeds[x, int(away.argmin())] = number
                 break
     return seeds
+
+
+def stripe_numbers(names: AnyArray, peaks: Peaks, x: FloatArray, y: FloatArray) -> FloatArray:
+    """Number of the stripe, with fraction, at canvas points of the first frame: a cubic through its named peaks."""
+    nx, ny = peaks.mask.shape
+    at, slot = np.nonzero(names > 0)
+    thin = slice(None, None, max(1, at.size // _FIT_POINTS))
+    at, slot = at[thin], slot[thin]
+    terms = _terms((at - nx / 2) / nx, (peaks.y[at, slot].astype(np.float64) - ny / 2) / nx, 3)
+    coefficients = np.linalg.lstsq(terms, names[at, slot].astype(np.float64), rcond=None)[0]
+    wanted = _terms(((x - nx / 2) / nx).ravel(), ((y - ny / 2) / nx).ravel(), 3) @ coefficients
+    out: FloatArray = wanted.reshape(x.shape)
+    return out
 
 
 def first_positions(names: AnyArray, peaks: Peaks, *, snakes: int) -> FloatArray:
@@ -74,13 +88,14 @@ def first_positions(names: AnyArray, peaks: Peaks, *, snakes: int) -> FloatArray
     A snake that a shadow hides there, or that is seen elsewhere only, is placed by its neighbours; NaN for snakes that
     the first frame does not show, and where it shows too few.
     """
-    nx = peaks.count.size
+    nx = peaks.counts.size
     x, slot = np.nonzero(names > 0)
     out = np.full(snakes, np.nan)
     terms = _terms((x - nx / 2) / nx, names[x, slot] / snakes, 3)
     if x.size < 5 * terms.shape[1]:
         return out
-    coefficients = np.linalg.lstsq(terms, peaks.y[x, slot].astype(np.float64), rcond=None)[0]
+    thin = slice(None, None, max(1, x.size // _FIT_POINTS))
+    coefficients = np.linalg.lstsq(terms[thin], peaks.y[x, slot][thin].astype(np.float64), rcond=None)[0]
     seen = np.unique(names[x, slot])
     middle = np.full(seen.size, (nx // 2 - nx / 2) / nx)
     out[seen - 1] = _terms(middle, seen / snakes, 3) @ coefficients
@@ -109,10 +124,11 @@ def _named_by_straightness(peaks: Peaks, chains: Chains, names: AnyArray) -> Any
     length = np.bincount(chain, minlength=n)
     known = names[x, slot].astype(np.float64)
     for degree in (1, 2, 2, 3, 3):
-        used = known > 0
+        used = np.flatnonzero(known > 0)
         terms = _terms(px, py, degree)
-        if used.sum() < 20 * terms.shape[1]:
+        if used.size < 20 * terms.shape[1]:
             return names
+        used = used[:: max(1, used.size // _FIT_POINTS)]
         coefficients = np.linalg.lstsq(terms[used], known[used], rcond=None)[0]
         predicted = terms @ coefficients
         mean = np.bincount(chain, predicted, minlength=n) / length

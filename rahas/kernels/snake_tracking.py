@@ -75,8 +75,8 @@ def multi_pass_track_delta_y(before: Float32Array, peaks: Peaks, motion: Motion,
     """``SnakeFind_multiPassTrackDeltaY``: int16 names (x, slot) that the top-down and the bottom-up pass agree on."""
     down = np.zeros(peaks.y.shape, np.int16)
     up = np.zeros(peaks.y.shape, np.int16)
-    _track_delta_y(before, peaks.y, peaks.count, *motion, reach_px, True, down)
-    _track_delta_y(before, peaks.y, peaks.count, *motion, reach_px, False, up)
+    _track_delta_y(before, peaks.y, peaks.counts, *motion, reach_px, True, down)
+    _track_delta_y(before, peaks.y, peaks.counts, *motion, reach_px, False, up)
     agreed: AnyArray = np.where(down == up, down, 0).astype(np.int16)
     return agreed
 

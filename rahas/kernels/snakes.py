@@ -35,7 +35,7 @@ def blank_snakes(snakes: int, width: int) -> SnakeSet:
 
 def rows_from_names(peaks: Peaks, names: AnyArray, snakes: int) -> Float32Array:
     """Sy (snake, x) of peaks named 1…``snakes``; ``names`` (x, slot) int16, 0 for a peak without a name."""
-    y = np.full((snakes, peaks.count.size), np.nan, np.float32)
+    y = np.full((snakes, peaks.counts.size), np.nan, np.float32)
     x, slot = np.nonzero(names > 0)
     y[names[x, slot] - 1, x] = peaks.y[x, slot]
     return y

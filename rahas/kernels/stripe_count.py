@@ -22,7 +22,7 @@ class StripeCount(NamedTuple):
 
     pitch_px: float
     """Mean distance of stripes along y, pixels."""
-    count: int
+    stripes: int
     """Stripes over the canvas height that shows the image."""
     strength: float
     """The spectral peak over the median of the band searched: 1 is noise."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rahas.report.pages import Card
-from rahas.report.words import VERDICT_WORDS, finding_line
+from rahas.report.words import VERDICT_WORDS, deciding_findings, finding_line
 
 
 def closing_lines(cards: Sequence[Card]) -> str:
@@ -29,14 +29,12 @@ def closing_lines(cards: Sequence[Card]) -> str:
 def _why(card: Card) -> str:
     if card.qa is None:
         return "its job failed or has not run; the same command tries again"
+    deciding = "; ".join(
+        _plain(f"{finding.get('rule', '')}: {finding_line(finding)}") for finding in deciding_findings(card.qa)
+    )
     if card.qa.get("overridden"):
-        return "let through by include_rejected; " + _reasons(card)
-    return _reasons(card)
-
-
-def _reasons(card: Card) -> str:
-    reasons = card.qa.get("reasons", []) if card.qa else []
-    return "; ".join(_plain(f"{reason.get('rule', '')}: {finding_line(reason)}") for reason in reasons)
+        return f"let through by include_rejected; {deciding}".removesuffix("; ")
+    return deciding
 
 
 def _plain(text: str) -> str:

@@ -75,10 +75,10 @@ def coloured(values: Any, scale: Scale) -> np.ndarray:
 
 def on_hatch(picture: np.ndarray, measured: np.ndarray) -> np.ndarray:
     """``picture`` (y, x, 3) where ``measured`` (y, x) holds, a neutral diagonal hatch elsewhere."""
-    rows, columns = np.indices(measured.shape, sparse=True)
-    line = ((rows + columns) % _HATCH_PERIOD_PX) < 2
-    hatch = np.where(line[..., None], np.uint8(_HATCH_LINE), np.uint8(_HATCH_GROUND))
-    return np.where(measured[..., None], picture, hatch)
+    rows, columns = np.arange(measured.shape[0])[:, None], np.arange(measured.shape[1])
+    line = (rows + columns) % _HATCH_PERIOD_PX < 2
+    hatch = np.where(line[..., None], np.array(_HATCH_LINE, np.uint8), np.array(_HATCH_GROUND, np.uint8))
+    return cv2.copyTo(picture, measured.astype(np.uint8), hatch)
 
 
 def bar_of(scale: Scale, *, width: int, height: int) -> np.ndarray:

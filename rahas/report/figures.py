@@ -77,8 +77,15 @@ def fitted(picture: np.ndarray, *, width: int = MAX_WIDTH_PX, height: int = MAX_
     return cv2.resize(picture, size, interpolation=cv2.INTER_AREA)
 
 
+def stride_of(width: int) -> int:
+    """Every how many pixels a field is shown: fields far wider than a figure are thinned out before colouring."""
+    return max(1, width // MAX_WIDTH_PX)
+
+
 def field_figure(name: str, values: Any, scale: Scale, title: str, caption: str = "") -> Figure:
     """A field (y, x) in colour with its colour bar below; NaN hatched."""
+    step = stride_of(np.shape(values)[1])
+    values = np.asarray(values)[::step, ::step]
     return Figure(name, with_bar(fitted(coloured(values, scale)), scale), title, caption)
 
 

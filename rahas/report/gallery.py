@@ -8,13 +8,14 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from rahas.report.colours import WHOLE_TURN, coloured, scale_of
-from rahas.report.figures import Figure, Levels, field_figure, first_field, fitted, grey_picture, levels_of
+from rahas.report.colours import WHOLE_TURN, coloured, on_hatch, scale_of
+from rahas.report.figures import Figure, Levels, field_figure, first_field, fitted, grey_picture, levels_of, stride_of
 from rahas.report.overlays import arrow_magnification, with_marks, with_snakes
 from rahas.report.relief import relief_picture, shaded_colours
 from rahas.report.words import number
 
 THUMBNAIL = "thumbnail.jpg"
+_THUMBNAIL_PX = 360
 _ROTATION_PARTS = ((0.15, "early"), (0.5, "middle"), (0.85, "late"))
 
 
@@ -81,7 +82,7 @@ def frame_figures(pictured: Pictured) -> list[Figure]:
     figures = []
     for k, (frame, part) in enumerate(pictured.moments):
         letter = chr(ord("a") + k)
-        small = fitted(pictured.pictures[frame], width=360, height=360)
+        small = fitted(pictured.pictures[frame], width=_THUMBNAIL_PX, height=_THUMBNAIL_PX)
         figures.append(Figure(f"frame_{letter}.jpg", small, f"{letter} · {part}" if part else letter, f"frame {frame}"))
     return figures
 
@@ -129,7 +130,8 @@ def cloud_figures(evidence: Evidence) -> list[Figure]:
     cloud = evidence.cloud
     if cloud is None:
         return []
-    xyz = cloud["xyz"][...]
+    step = stride_of(cloud["xyz"].shape[1])
+    xyz = cloud["xyz"][::step, ::step]
     depth = xyz[..., 2]
     measured = f"z towards the camera; {100 * float(np.isfinite(depth).mean()):.0f} % of the image measured"
     shaded = "shaded from the normals, light from the upper left, slopes exaggerated"
@@ -138,7 +140,8 @@ def cloud_figures(evidence: Evidence) -> list[Figure]:
         Figure("relief.jpg", fitted(relief_picture(xyz)), "relief", shaded),
     ]
     if "rgb" in cloud:
-        colour = np.ascontiguousarray(cloud["rgb"][...][..., ::-1])
+        colour = np.ascontiguousarray(cloud["rgb"][::step, ::step][..., ::-1])
+        colour = on_hatch(colour, np.isfinite(depth))
         figures.append(Figure("colour.jpg", fitted(colour), "colour", "on the camera's grid"))
     if "z_std" in cloud:
         spread = cloud["z_std"][...]
@@ -172,10 +175,13 @@ def calibration_figures(evidence: Evidence, pictured: Pictured) -> list[Figure]:
 def thumbnail(evidence: Evidence, pictured: Pictured) -> Figure | None:
     """What stands for the scan in the index: its depth under light, else a frame."""
     if evidence.cloud is not None:
-        xyz = evidence.cloud["xyz"][...]
+        step = max(1, evidence.cloud["xyz"].shape[1] // _THUMBNAIL_PX)
+        xyz = evidence.cloud["xyz"][::step, ::step]
         lit = shaded_colours(coloured(xyz[..., 2], scale_of(xyz[..., 2], unit="mm")), xyz)
-        return Figure(THUMBNAIL, fitted(lit, width=360, height=360), "depth under light")
+        return Figure(THUMBNAIL, fitted(lit, width=_THUMBNAIL_PX, height=_THUMBNAIL_PX), "depth under light")
     if not pictured.moments:
         return None
     frame = max(pictured.moments, key=lambda moment: moment.part == "reference hold").frame
-    return Figure(THUMBNAIL, fitted(pictured.pictures[frame], width=360, height=360), f"frame {frame}")
+    return Figure(
+        THUMBNAIL, fitted(pictured.pictures[frame], width=_THUMBNAIL_PX, height=_THUMBNAIL_PX), f"frame {frame}"
+    )

@@ -45,7 +45,7 @@ class ScanPage:
     frames: list[Figure] = field(default_factory=list)
     plots: list[LinePlot] = field(default_factory=list)
     sections: list[Section] = field(default_factory=list)
-    marks: list[Mapping[str, Any]] = field(default_factory=list)
+    marks: list[dict[str, str]] = field(default_factory=list)
     facts: list[tuple[str, str]] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     files: list[FileLink] = field(default_factory=list)

@@ -8,14 +8,24 @@ from typing import Any
 
 from rahas.report.words import metric_label, metric_unit, value_text
 
+_COLUMNS = (
+    ("mark", "mark", "d"),
+    ("x_px", "x, px", ".2f"),
+    ("y_px", "y, px", ".2f"),
+    ("unwrapped_phase", "unwrapped phase, rad", ".3f"),
+    ("residual_x_px", "residual x, px", "+.3f"),
+    ("residual_y_px", "residual y, px", "+.3f"),
+)
 
-def residual_rows(calibration: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
-    """One row a mark, with the numbers that every mark has; empty without a calibration."""
+
+def residual_rows(calibration: Mapping[str, Any] | None) -> list[dict[str, str]]:
+    """One row a mark, ready to print: heading → text; empty without a calibration."""
     marks = (calibration or {}).get("marks") or []
-    if not marks:
-        return []
-    names = [name for name, value in marks[0].items() if not isinstance(value, list | dict)]
-    return [{name: mark.get(name) for name in names} for mark in marks]
+    return [{heading: _column_text(mark.get(name), form) for name, heading, form in _COLUMNS} for mark in marks]
+
+
+def _column_text(value: Any, form: str) -> str:
+    return "—" if value is None else format(value, form).replace("-", "−")
 
 
 def model_facts(calibration: Mapping[str, Any] | None) -> list[tuple[str, str]]:

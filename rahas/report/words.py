@@ -14,7 +14,8 @@ VERDICT_WORDS = {
     "not_processed": "not processed",
     "": "not finished",
 }
-_SUFFIX_UNITS = {"mm": "mm", "px": "px", "rad": "rad", "mrad": "mrad", "deg": "°", "s": "s", "share": "share"}
+_OF_CAPTURE = "_of_capture"  # where both gates measure the same, what the first one found
+_SUFFIX_UNITS = {"mm": "mm", "px": "px", "rad": "rad", "mrad": "mrad", "deg": "°", "s": "s"}
 
 
 def number(value: float, *, span: float | None = None) -> str:
@@ -41,17 +42,21 @@ def value_text(value: Any, unit: str = "") -> str:
 
 def metric_label(name: str) -> str:
     """What a metric is called on a page."""
+    if name.endswith(_OF_CAPTURE):
+        return f"{metric_label(name.removesuffix(_OF_CAPTURE))}, of the capture"
     known = {metric.name: metric.label for metric in METRICS}
-    return known.get(name, name.replace("_", " "))
+    ending = name.rpartition("_")[2]
+    bare = name.removesuffix(f"_{ending}") if _SUFFIX_UNITS.get(ending) else name
+    return known.get(name, bare.replace("_", " "))
 
 
 def metric_unit(name: str) -> str:
     """Unit of a metric: the vocabulary's, else what the name ends with."""
+    name = name.removesuffix(_OF_CAPTURE)
     for metric in METRICS:
         if metric.name == name:
             return metric.unit
-    ending = name.rsplit("_", 1)[-1] if "_" in name else ""
-    return _SUFFIX_UNITS.get(ending, "")
+    return _SUFFIX_UNITS.get(name.rpartition("_")[2], "") if "_" in name else ""
 
 
 def metric_meaning(name: str) -> str:
@@ -61,8 +66,7 @@ def metric_meaning(name: str) -> str:
 
 def finding_line(finding: Mapping[str, Any]) -> str:
     """A reason or warning in one line: its message, else the bare numbers."""
-    message = str(finding.get("message") or "").strip()
-    return message or measured_against(finding)
+    return str(finding.get("message") or "").strip() or measured_against(finding)
 
 
 def measured_against(finding: Mapping[str, Any]) -> str:
@@ -75,6 +79,12 @@ def measured_against(finding: Mapping[str, Any]) -> str:
     if finding.get("limit") is not None:
         text += f", limit {value_text(finding['limit'], unit)}"
     return text if metric == rule else f"{rule}: {text}"
+
+
+def deciding_findings(qa: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
+    """The reasons of a verdict; of a scan that was let through also those that were waived."""
+    qa = qa or {}
+    return [*qa.get("reasons", []), *(warning for warning in qa.get("warnings", []) if warning.get("waived"))]
 
 
 def verdict_of(qa: Mapping[str, Any] | None) -> str:

@@ -12,7 +12,7 @@ from rahas.simulate.maps import Maps
 from rahas.simulate.pattern import add_pattern, row_courses, shifted
 from rahas.simulate.sensor import AutoExposure, code_table, exposed_frame
 from rahas.simulate.specs import CameraSpec, RigSpec
-from rahas.typing import ByteArray, Float32Array, FloatArray, IntArray
+from rahas.typing import ByteArray, Float32Array, IntArray
 
 STILL_PX = 1e-3
 
@@ -49,7 +49,7 @@ def render_frames(
     row_delay = np.arange(height) / height * camera.readout_s
     lamp_light, stray = np.zeros_like(light), maps.albedo.copy()
     shown, latest = -1, np.zeros(light.shape, np.uint8)
-    before: list[FloatArray | None] = [None, None]
+    before = [np.empty(0), np.empty(0)]
     for frame in shows:
         if frame == shown:
             yield latest
@@ -61,7 +61,7 @@ def render_frames(
             middle = np.array([start + delay + camera.exposure_s / 2])
             jitter = (float(motion.at("jitter_x", middle)[0]), float(motion.at("jitter_y", middle)[0]))
             state = np.append(rows.ravel(), jitter)
-            if before[field] is None or not np.array_equal(state, before[field]):
+            if not np.array_equal(state, before[field]):
                 u, v, lamp_map, albedo = _moved(scene, jitter)
                 add_pattern(lamp_light, (u, v, lamp_map), rig, rows, first=first, step=step)
                 stray[first::step] = albedo[first::step]

@@ -53,7 +53,9 @@ def patch_of(rig: RigSpec) -> Patch:
 def seen_points(surface: Surface, eye: Eye, rays: FloatArray) -> FloatArray:
     """Where the rays (y, x, 2) meet the surface (y, x, 3)."""
     lengths = raycast.ray_lengths(surface.height, HEIGHT_SPACING_MM, eye.centre, rays, _steepest(surface.height))
-    return np.asarray(eye.centre + lengths[..., None] * np.concatenate([rays, np.full_like(rays[..., :1], -1.0)], axis=-1))
+    return np.asarray(
+        eye.centre + lengths[..., None] * np.concatenate([rays, np.full_like(rays[..., :1], -1.0)], axis=-1)
+    )
 
 
 def albedo_at(surface: Surface, points: FloatArray) -> FloatArray:
@@ -91,7 +93,10 @@ def maps_of(capture: CaptureSpec, surface: Surface) -> Maps:
         albedo += part_albedo / 4
         light += part_albedo * lamp_light_at(surface, part, projector) / 4
     return Maps(
-        *(m.astype(np.float32) for m in (u, v, light, albedo)),
+        u=u.astype(np.float32),
+        v=v.astype(np.float32),
+        light=light.astype(np.float32),
+        albedo=albedo.astype(np.float32),
         slide_gradient=_slide_gradient(eye, projector, rays, points),
         points=points.astype(np.float32),
     )
@@ -111,9 +116,11 @@ def photo_of(capture: CaptureSpec, surface: Surface) -> Float32Array:
         u, v = slide_coordinates(coarse, projector)
         light = lamp_light_at(surface, coarse, projector) * (np.maximum(np.abs(u), np.abs(v)) < capture.rig.aperture)
     else:
-        flash = Projector(eye.centre + np.array([30.0, 60.0, 0.0]), np.array([[1.0, 0, 0], [0, -1, 0], [0, 0, -1]]), 1.0)
+        flash = Projector(eye.centre + np.array([30.0, 60.0, 0.0]), np.diag([1.0, -1.0, -1.0]), 1.0)
         light = lamp_light_at(surface, coarse, flash)
-    fine = raycast.enlarge(np.concatenate([coarse, light[..., None]], axis=-1).astype(np.float32), eye.height_px, eye.width_px)
+    fine = raycast.enlarge(
+        np.concatenate([coarse, light[..., None]], axis=-1).astype(np.float32), eye.height_px, eye.width_px
+    )
     grey = albedo_at(surface, fine) * fine[..., 3]
     grey = grey * (0.8 / np.percentile(grey[::4, ::4], 99.5)) + 0.004
     return (grey[..., None] * np.array(surface.tint)).astype(np.float32)

@@ -50,7 +50,10 @@ def strokes_of(kind: str) -> Strokes:
     face = [_ring(-0.05, 0.27, 0.2), _ring(-0.28, 0.36, 0.06), _ring(0.18, 0.36, 0.06)]
     pits = [_ring(-0.12, 0.31, 0.012), _ring(0.02, 0.31, 0.012), _ring(-0.05, 0.2, 0.012)]
     body = [_line((-0.05, 0.07), (-0.05, -0.3)), _line((-0.4, -0.12), (-0.32, 0.02), (-0.05, -0.02), (0.14, 0.04))]
-    legs = [_line((-0.24, -0.48), (-0.2, -0.33), (-0.05, -0.3), (0.12, -0.36), (0.14, -0.48)), _line((-0.05, -0.28), (0.36, -0.33))]
+    legs = [
+        _line((-0.24, -0.48), (-0.2, -0.33), (-0.05, -0.3), (0.12, -0.36), (0.14, -0.48)),
+        _line((-0.05, -0.28), (0.36, -0.33)),
+    ]
     return [*face, *pits, *body, *legs, _tail()]
 
 
@@ -67,7 +70,7 @@ def distance_to_strokes(strokes: Strokes, *, spacing: float, patch: Patch) -> Fl
 def petroglyph(scene: SceneSpec, patch: Patch) -> Surface:
     """Rough rock that fills the patch, with the carving in the middle."""
     spacing, seed = HEIGHT_SPACING_MM, scene.seed
-    x, y = grid(patch, spacing)
+    _, y = grid(patch, spacing)
     swell = 6.0 * smooth_noise(patch, spacing, grain_mm=110, seed=seed)
     bumps = 0.8 * fractal_noise(patch, spacing, coarsest_mm=24, finest_mm=1.4, roughness=0.95, seed=seed + 7)
     height = scene.relief * (swell + bumps) - np.tan(np.deg2rad(scene.lean_deg)) * y

@@ -19,9 +19,11 @@ from rahas.typing import FloatArray
 
 
 class Eye(NamedTuple):
-    """A camera in the scene's frame; it looks along −z."""
+    """A camera in the scene's frame."""
 
     centre: FloatArray
+    turn: FloatArray
+    """(3, 3): columns are its right, up and backwards."""
     focal_px: float
     width_px: int
     height_px: int
@@ -41,19 +43,23 @@ class Projector(NamedTuple):
 def video_eye(rig: RigSpec) -> Eye:
     """The video camera."""
     centre = np.array([0.0, 0.0, rig.working_distance_mm])
-    return Eye(centre, rig.focal_widths * rig.width_px, rig.width_px, rig.height_px, rig.radial_k1)
+    return Eye(centre, np.eye(3), rig.focal_widths * rig.width_px, rig.width_px, rig.height_px, rig.radial_k1)
 
 
 def texture_eye(rig: RigSpec) -> Eye:
-    """The texture camera: beside the first, more pixels, no distortion."""
+    """The texture camera: beside the first, turned to the same middle, more pixels, no distortion."""
     centre = np.array([rig.texture_offset_mm, 0.0, rig.working_distance_mm])
     width, height = round(rig.width_px * rig.texture_scale), round(rig.height_px * rig.texture_scale)
-    return Eye(centre, 0.92 * rig.focal_widths * width, width, height, 0.0)
+    yaw = np.arctan2(rig.texture_offset_mm, rig.working_distance_mm)
+    turn = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
+    return Eye(centre, turn, 0.95 * rig.focal_widths * width, width, height, 0.0)
 
 
 def projector_of_rig(rig: RigSpec) -> Projector:
     """The projector: above the camera by the baseline, pitched down by the toe-in, turned with the baseline."""
-    toe_in = np.arctan2(rig.baseline_mm, rig.working_distance_mm) if rig.toe_in_deg is None else np.deg2rad(rig.toe_in_deg)
+    toe_in = (
+        np.arctan2(rig.baseline_mm, rig.working_distance_mm) if rig.toe_in_deg is None else np.deg2rad(rig.toe_in_deg)
+    )
     down = np.array([0.0, -np.cos(toe_in), np.sin(toe_in)])
     forward = np.array([0.0, -np.sin(toe_in), -np.cos(toe_in)])
     turn = rotation_about_z(rig.baseline_tilt_deg)
@@ -88,14 +94,15 @@ def pixel_rays(eye: Eye, *, shift_x: float = 0.0, shift_y: float = 0.0, binning:
     ideal = slopes
     for _ in range(8 if eye.radial_k1 else 0):
         ideal = slopes / (1 + eye.radial_k1 * np.sum(ideal**2, axis=-1, keepdims=True))
-    return np.ascontiguousarray(ideal)
+    forward = np.concatenate([ideal, np.full_like(ideal[..., :1], -1.0)], axis=-1) @ eye.turn.T
+    return np.ascontiguousarray(-forward[..., :2] / forward[..., 2:])
 
 
 def camera_matrix(eye: Eye, rotation: FloatArray, origin: FloatArray) -> FloatArray:
     """M^c (3, 4), target frame → undistorted pixels, m12 = 1 (thesis 2.9)."""
     focal, cx, cy = eye.focal_px, (eye.width_px - 1) / 2, (eye.height_px - 1) / 2
     inner = np.array([[focal, 0, -cx], [0, -focal, -cy], [0, 0, -1.0]])
-    matrix = inner @ np.hstack([rotation, (origin - eye.centre)[:, None]])
+    matrix = inner @ eye.turn.T @ np.hstack([rotation, (origin - eye.centre)[:, None]])
     return np.asarray(matrix / matrix[2, 3])
 
 

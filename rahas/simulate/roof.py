@@ -50,7 +50,9 @@ def roof(scene: SceneSpec, pose: PoseSpec, patch: Patch) -> Surface:
     z = _roof_height(rotation, middle, x, y)
     local = np.stack([x - middle[0] + 0 * y, y - middle[1] + 0 * x, z - middle[2]], axis=-1) @ rotation
     along = np.hypot(local[..., 0], local[..., 2])
-    albedo = BOARD_ALBEDO * (1 + 0.012 * scene.texture * smooth_noise(patch, ALBEDO_SPACING_MM, grain_mm=1, seed=scene.seed))
+    albedo = BOARD_ALBEDO * (
+        1 + 0.012 * scene.texture * smooth_noise(patch, ALBEDO_SPACING_MM, grain_mm=1, seed=scene.seed)
+    )
     for column in FROM_RIDGE_MM:
         for row in ROWS_MM:
             distance = np.hypot(along - column, local[..., 1] - row)

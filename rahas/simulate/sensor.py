@@ -29,8 +29,15 @@ def code_table(camera: CameraSpec) -> ByteArray:
 
 @numba.njit(cache=True, fastmath=True)
 def _exposed(
-    out: ByteArray, light: Float32Array, stray: Float32Array, noise: Float32Array, table: ByteArray,
-    stray_level: float, gain: float, shot: float, read: float,
+    out: ByteArray,
+    light: Float32Array,
+    stray: Float32Array,
+    noise: Float32Array,
+    table: ByteArray,
+    stray_level: float,
+    gain: float,
+    shot: float,
+    read: float,
 ) -> None:
     scale, top = np.float32(len(table) / FULL_SCALE), len(table) - 1
     level, g = np.float32(stray_level), np.float32(gain)
@@ -43,7 +50,13 @@ def _exposed(
 
 
 def exposed_frame(
-    light: Float32Array, stray: Float32Array, *, camera: CameraSpec, table: ByteArray, gain: float, stray_level: float,
+    light: Float32Array,
+    stray: Float32Array,
+    *,
+    camera: CameraSpec,
+    table: ByteArray,
+    gain: float,
+    stray_level: float,
     seed: tuple[int, int],
 ) -> ByteArray:
     """Codes (y, x) of a moment's lamp light and stray light; the noise follows from the seed alone."""

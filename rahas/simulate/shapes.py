@@ -17,7 +17,7 @@ from rahas.simulate.surface import (
 )
 from rahas.typing import BoolArray, FloatArray
 
-TARP_ALBEDO = 0.012
+TARP_ALBEDO = 0.006
 LEGS = ((-0.3, 0.15), (-0.3, -0.15), (0.33, 0.0))
 
 
@@ -60,7 +60,7 @@ def plain_body(scene: SceneSpec, patch: Patch) -> Surface:
     height = np.zeros(np.broadcast_shapes(x.shape, y.shape))
     if scene.kind == "sphere":
         radius = scene.size_mm / 2
-        height = np.sqrt(np.clip(radius**2 - x**2 - y**2, 0, None)) * 0.8 - 0.3 * radius
+        height = np.maximum(np.sqrt(np.clip(radius**2 - x**2 - y**2, 0, None)) - 0.5 * radius, 0)
     if scene.kind == "steps":
         for edge, rise in ((-0.25, 2.0), (0.0, 5.0), (0.25, 10.0)):
             height = height + rise * (x > edge * scene.size_mm)

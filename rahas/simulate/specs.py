@@ -30,7 +30,9 @@ class RigSpec(Spec):
     centre_v: float = 0.0
     first_stop_deg: float = Field(0.0, ge=-5, le=5, description="slide angle at the first stop")
     second_stop_deg: float = Field(90.0, ge=80, le=100)
-    crank: Literal["tilt", "translation"] = Field("tilt", description="the cam tilts the projector, or the slide slides")
+    crank: Literal["tilt", "translation"] = Field(
+        "tilt", description="the cam tilts the projector, or the slide slides"
+    )
     contrast: float = Field(0.95, gt=0, le=1, description="of the projected cosine")
     second_harmonic: float = Field(0.0, ge=-0.3, le=0.3, description="of the projected cosine: the slide's density")
     aperture: float = Field(1.0, gt=0.1, description="half width of the lit square, slide coordinates")

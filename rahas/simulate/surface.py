@@ -68,7 +68,9 @@ def fractal_noise(
     total = np.zeros((y.size, x.size), np.float32)
     grain = coarsest_mm
     while grain >= finest_mm:
-        total += smooth_noise(patch, spacing, grain_mm=grain, seed=seed) * np.float32((grain / coarsest_mm) ** roughness)
+        total += smooth_noise(patch, spacing, grain_mm=grain, seed=seed) * np.float32(
+            (grain / coarsest_mm) ** roughness
+        )
         grain /= 2
     return total
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,14 @@ from rahas.simulate.frames import field_delays
 from rahas.simulate.hand import Motion
 from rahas.simulate.maps import Maps, lit_of
 from rahas.simulate.pattern import pattern_phase
-from rahas.simulate.rig import camera_matrix, projector_matrix, projector_of_rig, target_rotation, texture_eye, video_eye
+from rahas.simulate.rig import (
+    camera_matrix,
+    projector_matrix,
+    projector_of_rig,
+    target_rotation,
+    texture_eye,
+    video_eye,
+)
 from rahas.simulate.roof import target_origin
 from rahas.simulate.specs import CaptureSpec
 from rahas.typing import AnyArray, BoolArray, FloatArray, IntArray
@@ -42,11 +50,11 @@ def stages_of(lamp_on: BoolArray, theta_deg: FloatArray, step: FloatArray) -> li
 def intervals_of(stages: list[str]) -> list[dict[str, Any]]:
     """Runs of one stage, as in timeline.json: ``stage``, ``first``, ``last``, both inclusive."""
     edges = [0, *(n for n in range(1, len(stages)) if stages[n] != stages[n - 1]), len(stages)]
-    return [{"stage": stages[a], "first": a, "last": b - 1} for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    return [{"stage": stages[a], "first": a, "last": b - 1} for a, b in pairwise(edges)]
 
 
 def truth_of(capture: CaptureSpec, maps: Maps, motion: Motion, shows: IntArray) -> dict[str, AnyArray]:
-    """Everything known of a capture, by name; (y, x) maps at the reference position, (frame,) or (field, frame) courses.
+    """Everything known of a capture; maps (y, x) at the reference position, courses (frame,) or (field, frame).
 
     Courses hold for the middle of the exposure; ``theta`` in rad, ``phase_step`` at the field's centre in rad,
     ``jitter`` (frame, 2) in px; of an interlaced capture they are the first field's, those of both are in ``field_…``.
@@ -56,10 +64,8 @@ def truth_of(capture: CaptureSpec, maps: Maps, motion: Motion, shows: IntArray) 
     times = np.stack([middle + delay for _, _, delay in field_delays(camera)])
     theta, crank = motion.at("theta", times), motion.at("crank", times)
     centre = field_centre(maps)
-    stop = motion.theta[-1]
-    step = pattern_phase(rig, *(np.float64(c) for c in centre), theta=stop, crank=crank) - pattern_phase(
-        rig, *(np.float64(c) for c in centre), theta=stop, crank=np.float64(0)
-    )
+    stop = float(motion.theta[-1])
+    step = pattern_phase(rig, *centre, theta=stop, crank=crank) - pattern_phase(rig, *centre, theta=stop, crank=0.0)
     lamp_on = motion.at("lamp", times[0]) > 0.5
     intervals = intervals_of(stages_of(lamp_on, np.rad2deg(theta[0]), step[0]))
     rotation, origin = target_rotation(capture.target), target_origin(capture.target)
@@ -70,7 +76,7 @@ def truth_of(capture: CaptureSpec, maps: Maps, motion: Motion, shows: IntArray) 
         "albedo": maps.albedo,
         "light": maps.light,
         "unwrapped_phase": _phase_map(capture, maps, stop),
-        "first_phase": _phase_map(capture, maps, motion.theta[0]),
+        "first_phase": _phase_map(capture, maps, float(motion.theta[0])),
         "shows": shows,
         "lamp_on": lamp_on,
         "theta": theta[0],
@@ -96,6 +102,6 @@ def truth_of(capture: CaptureSpec, maps: Maps, motion: Motion, shows: IntArray) 
     return truth
 
 
-def _phase_map(capture: CaptureSpec, maps: Maps, theta: FloatArray) -> AnyArray:
+def _phase_map(capture: CaptureSpec, maps: Maps, theta: float) -> AnyArray:
     u, v = maps.u.astype(np.float64), maps.v.astype(np.float64)
-    return pattern_phase(capture.rig, u, v, theta=theta, crank=np.float64(0)).astype(np.float32)
+    return pattern_phase(capture.rig, u, v, theta=theta, crank=0.0).astype(np.float32)

@@ -9,6 +9,7 @@ import numpy as np
 from rahas.errors import CaptureProblem
 from rahas.kernels.mark_identity import mark_spacing
 from rahas.kernels.projector import MIN_POINTS, fit_projector, phase_at_mark
+from rahas.kernels.radial_profile import fit_radial
 from rahas.kernels.rig_uncertainty import rig_covariance
 from rahas.kernels.roof import Roof, fit_roof, points_on_roof
 from rahas.kernels.target_phase import TargetPhaseFit, fit_projector_on_roof
@@ -62,6 +63,8 @@ def calibrate(
             "marks of config/target.csv again, or scan the target again without touching it or the rig.",
         )
     mark_phase = _phases_at_marks(unwrapped_phase, sighting, roof)
+    dense = _projector_of(unwrapped_phase, sighting, target, roof, mark_phase, params)
+    sighting = _with_radial(sighting, dense, target, roof, params)
     dense = _projector_of(unwrapped_phase, sighting, target, roof, mark_phase, params)
     residual_rad = dense.fit.residual[dense.fit.used]
     residual_mm = _residual_in_mm(dense, sighting)
@@ -195,6 +198,24 @@ def _projector_of(
     return dense
 
 
+def _with_radial(
+    sighting: Sighting, dense: TargetPhaseFit, target: Target, roof: Roof, params: CalibrationParams
+) -> Sighting:
+    """The sighting with a camera whose radial term suits the dense phase as well."""
+    fit = fit_radial(
+        target.world[sighting.row],
+        sighting.centre,
+        roof,
+        dense.pixels[dense.fit.used],
+        _phase_on(dense)[dense.fit.used],
+        dense.fit.matrix,
+        centre=sighting.fit.camera.centre,
+        start=sighting.fit.camera.radial,
+        significance=params.radial_significance,
+    )
+    return sighting._replace(fit=fit)
+
+
 def _residual_in_mm(dense: TargetPhaseFit, sighting: Sighting) -> FloatArray:
     """Phase residuals of the used points as distances along their rays, mm."""
     used = dense.fit.used
@@ -228,7 +249,7 @@ def _texture_camera_of(
             roof,
             min_marks=params.min_marks,
             radial_significance=params.radial_significance,
-            quarter_turns=(0, 1, 3, 2),  # photos are read as the sensor saw them
+            quarter_turns=(0, 1, 3, 2),  # cameras do not always note how they were held
         )
     except TooFewMarks as few:
         warnings.append(

@@ -19,6 +19,8 @@ _LEAST_PIXELS = 500
 _MOST_PIXELS = 130_000
 _LEAST_FIDELITY = 0.4
 _LEAST_FOUND = 0.6
+_DOUBTFUL_STD = 2.0
+_DOUBTFUL_SCALE = 0.4
 
 
 class ObjectMotion(NamedTuple):
@@ -79,9 +81,14 @@ def object_motion(
                 displacement[n] = start
                 scale[n], std[n] = found.scale, found.std
     displacement *= moments.factor
+    std *= moments.factor
     moving = slice(first, last + 1)
+    if np.isfinite(scale).any():
+        with np.errstate(invalid="ignore"):
+            doubtful = (std > _DOUBTFUL_STD * largest_std) | (scale < _DOUBTFUL_SCALE * np.nanmedian(scale))
+        displacement[doubtful] = scale[doubtful] = std[doubtful] = np.nan
     found_share = float(np.isfinite(scale[moving]).mean())
-    typical_std = float(np.nanmedian(std)) * moments.factor if found_share else np.inf
+    typical_std = float(np.nanmedian(std)) if found_share else np.inf
     fidelity = _fidelity(scale, scan, moving)
     if found_share < _LEAST_FOUND or fidelity < _LEAST_FIDELITY or typical_std > largest_std:
         known_std = typical_std if np.isfinite(typical_std) else None

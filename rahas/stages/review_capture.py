@@ -9,27 +9,19 @@ import numpy as np
 
 from rahas.kernels.exposure import clipped_from_samples, sensor_limits
 from rahas.kernels.modulation import StripeFit, StripeFitter, pitch_from_fit
-from rahas.kernels.noise import NoiseCurve, noise_of_capture
 from rahas.kernels.object_span import measurable_from_modulation, span_from_region
 from rahas.params import CaptureReviewParams
+from rahas.stages.capture_noise import capture_noise
 from rahas.stages.moments import Moments
 from rahas.stages.object_motion import ObjectMotion, object_motion
+from rahas.stages.timeline_spans import Span, stage_frames
 from rahas.typing import BoolArray, FloatArray, FrameStack
 
 _WORKING_WIDTH = 360
 _LARGEST_FACTOR = 4
 _LEAST_PITCH = 10.0
-_FAR_FRAMES = 12
-_PAIRS_A_HOLD = 4
-_TRIPLES = 8
 _SAMPLES = 20
-
-
-class Span(NamedTuple):
-    """Frames of one stage, 0-based, both ends included."""
-
-    first: int
-    last: int
+_LIT_SHARE, _LIT_PERCENTILE = 0.25, 98
 
 
 class CaptureReview(NamedTuple):
@@ -72,10 +64,9 @@ def review_capture(
     if fit is None:
         return CaptureReview(metrics, unknown)
     bit_depth = int(attributes.get("bit_depth", 8))
-    noise = _noise(moments, fit, timeline, scan, top_level=2.0**bit_depth - 1)
-    sigma = noise.at(fit.background)
+    sigma = capture_noise(moments, fit, timeline, steps, top_level=2.0**bit_depth - 1).at(fit.background)
     region = measurable_from_modulation(modulation=fit.modulation, noise_sigma=sigma)
-    metrics |= _light_metrics(moments, fit, sigma, region, attributes, scan)
+    metrics |= _light_metrics(moments, fit, sigma, region, attributes, scan, params)
     if rotation is None or not region.any():
         return CaptureReview(metrics | {"jitter": None}, unknown)
     motion = object_motion(
@@ -90,12 +81,6 @@ def review_capture(
         largest_std=params.max_jitter_std_px,
     )
     return CaptureReview(metrics | _motion_metrics(motion), motion.displacement)
-
-
-def stage_frames(timeline: Mapping[str, Any], stage: str) -> Span | None:
-    """The frames of a stage, the longest run of it if there are several; ``None`` if the timeline has none."""
-    runs = [Span(int(e["first"]), int(e["last"])) for e in timeline["intervals"] if e["stage"] == stage]
-    return max(runs, key=lambda run: run.last - run.first, default=None)
 
 
 def timeline_metrics(timeline: Mapping[str, Any]) -> dict[str, Any]:
@@ -133,26 +118,14 @@ def _stripe_fit(
         factor = max(1, factor // 2)
 
 
-def _noise(
-    moments: Moments, fit: StripeFit, timeline: Mapping[str, Any], scan: Span, *, top_level: float
-) -> NoiseCurve:
-    numbers: list[int] = []
-    for entry in timeline["intervals"]:
-        first, last = int(entry["first"]) + 1, int(entry["last"]) - 1
-        apart = min(_FAR_FRAMES, (last - first) // 2)
-        if entry["stage"] == "hold" and apart >= 1:
-            for n in np.unique(np.linspace(first, last - apart, _PAIRS_A_HOLD).astype(int)):
-                numbers += [int(n), int(n) + apart]
-    pairs = moments.samples(numbers).reshape(-1, 2, *moments.shape)
-    middles = np.unique(np.linspace(scan.first + 1, max(scan.first, scan.last - 1), _TRIPLES).astype(int))
-    triples = moments.samples([int(n) + k for n in middles for k in (-1, 0, 1)]).reshape(-1, 3, *moments.shape)
-    return noise_of_capture(
-        far_pairs=pairs, near_triples=triples, background=fit.background, residual=fit.residual, top_level=top_level
-    )
-
-
 def _light_metrics(
-    moments: Moments, fit: StripeFit, sigma: FloatArray, region: BoolArray, attributes: Mapping[str, Any], scan: Span
+    moments: Moments,
+    fit: StripeFit,
+    sigma: FloatArray,
+    region: BoolArray,
+    attributes: Mapping[str, Any],
+    scan: Span,
+    params: CaptureReviewParams,
 ) -> dict[str, Any]:
     bit_depth = int(attributes.get("bit_depth", 8))
     picked = np.unique(np.linspace(scan.first, scan.last, _SAMPLES).astype(int))
@@ -160,9 +133,12 @@ def _light_metrics(
     limits = sensor_limits(samples, bit_depth=bit_depth, luma_range=str(attributes.get("luma_range", "unknown")))
     clipped = clipped_from_samples(samples, limits, bit_depth=bit_depth)
     whole = region | clipped.high
-    seen = region if region.any() else np.ones_like(region)
+    span = span_from_region(region)
+    # Where no object is wide enough, all that is lit is looked at, to tell a weak pattern from a small object.
+    seen = region if region.any() and span >= params.min_object_span else region | _lit(fit, limits.bottom)
     return {
-        "object_span": span_from_region(region),
+        "object_span": span,
+        "measurable_share": float(region.mean()),
         "contrast": float(np.median((fit.modulation / sigma)[seen])),
         "clipped_share": float(((clipped.high | clipped.low) & whole).sum() / max(whole.sum(), 1)),
         "clipped_high_share": float((clipped.high & whole).sum() / max(whole.sum(), 1)),
@@ -170,6 +146,11 @@ def _light_metrics(
         "noise_grey_levels": float(np.median(sigma[seen])),
         "pitch_px": pitch_from_fit(fit) * moments.factor if np.isfinite(pitch_from_fit(fit)) else None,
     }
+
+
+def _lit(fit: StripeFit, black_level: float) -> BoolArray:
+    light = fit.background - black_level
+    return np.asarray(light >= _LIT_SHARE * np.percentile(light, _LIT_PERCENTILE))
 
 
 def _motion_metrics(motion: ObjectMotion) -> dict[str, Any]:

@@ -17,7 +17,7 @@ from rahas.params import TimelineParams
 from rahas.stages.timeline_overview import look_over, timeline_problem
 from rahas.stages.timeline_rotation import Rotation, find_rotation
 from rahas.stages.timeline_scan import Scan, find_scan
-from rahas.typing import BoolArray, FloatArray, FrameStack
+from rahas.typing import FloatArray, FrameStack
 
 THUMBNAIL_SCALE = 1 / 64
 """Grey levels a unit of a stored thumbnail."""
@@ -47,7 +47,7 @@ class Timeline(NamedTuple):
     slide_angle_deg: FloatArray
     """(frame) 0 = first stop, 90 = second stop, NaN in the dark."""
     phase_step_rad: FloatArray
-    """(frame) at the field's centre, 0 at the hold before the scan, NaN outside the scan: frame n shows cos(Φ + step)."""
+    """(frame) at the field's centre, 0 at the hold before the scan: frame n shows cos(Φ + step). NaN outside."""
     periods: float
     """Extent of the phase steps, pattern periods."""
 
@@ -93,15 +93,18 @@ def find_timeline(
     number = np.arange(frames)
     turning = (number >= rotation.first) & (number <= rotation.last)
     scanning = (number >= scan.scan_first) & (number <= scan.scan_last)
-    repeated = set(repeated_frames(overview.change.rms, noise=overview.change.noise, moving=turning | scanning))
+    travels = [np.where(turning, rotation.angle_deg, np.nan), np.where(scanning, scan.step, np.nan)]
+    repeated: set[int] = set()
+    for travel in travels:
+        repeated |= set(repeated_frames(overview.change.rms, travel, noise=overview.change.noise))
     for interval in intervals:
         if interval.stage != "dark":
             within = change[interval.first : interval.last + 1]
             repeated |= {n + interval.first for n in identical_frames(within)}
     duplicates = sorted(repeated)
     lost = gaps_in_time(time_s)
-    for travel, moving in ((rotation.angle_deg, turning), (scan.step, scanning)):
-        lost += _lost_in(travel, moving, duplicates)
+    for travel in travels:
+        lost += _lost_in(travel, time_s, duplicates)
     return Timeline(
         intervals=intervals,
         duplicates=duplicates,
@@ -153,9 +156,8 @@ def _intervals(frames: int, lit_first: int, lit_last: int, rotation: Rotation, s
     ]
 
 
-def _lost_in(travel: FloatArray, moving: BoolArray, repeated: list[int]) -> list[DroppedFrames]:
-    inside = np.where(moving, travel, np.nan)
-    bend = np.diff(inside, 3)
+def _lost_in(travel: FloatArray, time_s: FloatArray, repeated: list[int]) -> list[DroppedFrames]:
+    bend = np.diff(travel, 3)
     bend = bend[np.isfinite(bend)]
-    noise = 1.4826 * float(np.median(np.abs(bend))) / np.sqrt(10) if bend.size else 0.0
-    return lost_frames(inside, noise=noise, repeated=repeated)
+    noise = 1.4826 * float(np.median(np.abs(bend))) / np.sqrt(20) if bend.size else 0.0
+    return lost_frames(travel, time_s, noise=noise, repeated=repeated)

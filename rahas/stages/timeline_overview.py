@@ -9,12 +9,21 @@ import numpy as np
 from rahas.errors import CaptureProblem
 from rahas.kernels.frame_blocks import frame_blocks
 from rahas.kernels.frame_runs import running_median, runs
-from rahas.kernels.orientation import gradient_direction_deg, gradient_tensors
-from rahas.kernels.pattern_light import FrameChange, PatternLight, frame_change, path_weights, pattern_light
+from rahas.kernels.orientation import StripeTensors, gradient_direction_deg, stripe_tensors
+from rahas.kernels.pattern_light import (
+    FrameChange,
+    PatternLight,
+    frame_change,
+    path_weights,
+    pattern_light,
+    quiet_noise,
+)
 from rahas.typing import FloatArray, FrameStack
 
 ENOUGH = "lamp on, hold, rotation, hold, scan"
 """What a capture has to show."""
+UNLIT = -0.8
+"""A frame this much darker than the pattern's mean, in contrasts, has no lamp: some -1.4, lit ones stay above -0.5."""
 
 
 class Overview(NamedTuple):
@@ -56,43 +65,57 @@ def look_over(thumbnails: FrameStack, *, scale: float) -> Overview:
     light = pattern_light(thumbnails, path_weights(change), noise=change.noise, scale=scale)
     change = frame_change(thumbnails, scale=scale, weight=light.weight)
     light = pattern_light(thumbnails, path_weights(change), noise=change.noise, scale=scale)
-    tensors = stripe_tensors(thumbnails, light, scale=scale) - noise_tensor(thumbnails, change, light, scale=scale)
-    lit_first, lit_last = lit_frames(tensors, path_weights(change))
+    frames = thumbnails.shape[0]
+    noise = noise_tensors(thumbnails, change.rms, light, scale=scale, first=0, stop=frames)
+    tensors = tensors_of(thumbnails, light, scale=scale).less(noise).tensor
+    lit_first, lit_last = lit_frames(tensors, brightness_off_mean(thumbnails, light, scale=scale), path_weights(change))
+    change = change._replace(noise=quiet_noise(change.rms[lit_first + 1 : lit_last + 1]))
     return Overview(change, light, lit_first, lit_last, *_turn(tensors[lit_first : lit_last + 1], lit_first))
 
 
-def stripe_tensors(
+def tensors_of(
     thumbnails: FrameStack, light: PatternLight, *, scale: float, first: int = 0, stop: int | None = None
-) -> FloatArray:
-    """Structure tensors (frame, 3) of the stripes alone: each frame less its background light, over the contrast."""
+) -> StripeTensors:
+    """Structure tensors of the stripes alone: each frame less its background light, over the contrast."""
     stop = thumbnails.shape[0] if stop is None else stop
-    tensors = np.empty((stop - first, 3))
     matched = light.weight * light.inverse**2 * light.background
     matched = matched / max(float((matched * light.background).sum()), float(np.finfo(np.float32).tiny))
-    for frames, values in frame_blocks(thumbnails, first=first, stop=stop, scale=scale):
+    parts = []
+    for _, values in frame_blocks(thumbnails, first=first, stop=stop, scale=scale):
         level = np.tensordot(values, matched, 2).astype(np.float32)
         values -= level[:, None, None] * light.background
         values *= light.inverse
-        tensors[frames.start - first : frames.stop - first] = gradient_tensors(values, light.weight)
-    return tensors
+        parts.append(stripe_tensors(values, light.weight))
+    return StripeTensors(
+        np.concatenate([part.tensor for part in parts]), np.concatenate([part.power for part in parts])
+    )
 
 
-def noise_tensor(thumbnails: FrameStack, change: FrameChange, light: PatternLight, *, scale: float) -> FloatArray:
-    """The part of a structure tensor that noise makes, (3), from the quietest pairs of frames."""
-    rms = np.where(change.rms > 0, change.rms, np.inf)
-    quiet = [int(n) for n in np.argsort(rms)[:8] if np.isfinite(rms[n])]
-    if not quiet:
-        return np.zeros(3)
+def brightness_off_mean(thumbnails: FrameStack, light: PatternLight, *, scale: float) -> FloatArray:
+    """(frame) how far a frame is brighter than the background light, in units of the contrast: about -1.4 without lamp."""
+    share = light.weight * light.inverse / light.weight.sum()
+    mean = float((share * light.background).sum())
+    return (
+        np.concatenate([np.tensordot(values, share, 2) for _, values in frame_blocks(thumbnails, scale=scale)]) - mean
+    )
+
+
+def noise_tensors(
+    thumbnails: FrameStack, change_rms: FloatArray, light: PatternLight, *, scale: float, first: int, stop: int
+) -> StripeTensors:
+    """What noise alone gives, from the quietest pairs of frames among ``first`` … ``stop`` - 1."""
+    rms = change_rms[first + 1 : stop]
+    quiet = [first + 1 + int(n) for n in np.argsort(np.where(rms > 0, rms, np.inf))[:8]]
     pairs = [np.diff(thumbnails[n - 1 : n + 1].astype(np.float32), axis=0) * np.float32(scale) for n in quiet]
-    return gradient_tensors(np.concatenate(pairs) * light.inverse * np.float32(np.sqrt(0.5)), light.weight).mean(0)
+    return stripe_tensors(np.concatenate(pairs) * light.inverse * np.float32(np.sqrt(0.5)), light.weight)
 
 
-def lit_frames(tensors: FloatArray, path: FloatArray) -> tuple[int, int]:
-    """First and last frame that show the stripes at half their usual strength or more."""
+def lit_frames(tensors: FloatArray, brightness: FloatArray, path: FloatArray) -> tuple[int, int]:
+    """First and last frame with stripes of half the usual strength or more, and not as dark as without lamp."""
     strength = np.sqrt(np.clip(tensors[:, 0] + tensors[:, 2], 0, None))
     moving = path > 0.3 * path.max()
     usual = float(np.median(strength[moving])) if moving.any() and path.max() > 0 else 0.0
-    lit = [run for run in runs(strength > 0.5 * usual) if run[1] - run[0] >= 2]
+    lit = [run for run in runs((strength > 0.5 * usual) & (brightness > UNLIT)) if run[1] - run[0] >= 2]
     if usual <= 0 or not lit:
         raise timeline_problem(
             "No moving stripes were found: the lamp was off, the pattern out of focus, or neither lever nor crank was "

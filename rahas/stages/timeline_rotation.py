@@ -10,7 +10,7 @@ from rahas.kernels.carrier import demodulate, ramp_slope
 from rahas.kernels.frame_runs import first_beyond, last_beyond, running_median
 from rahas.kernels.orientation import slide_angle_from_tensors
 from rahas.kernels.pattern_light import light_from_images
-from rahas.stages.timeline_overview import Overview, noise_tensor, stripe_tensors
+from rahas.stages.timeline_overview import Overview, noise_tensors, tensors_of
 from rahas.stages.timeline_scan import Scan, carrier_at
 from rahas.typing import FloatArray, FrameStack
 
@@ -97,8 +97,8 @@ def _between(thumbnails: FrameStack, overview: Overview, scan: Scan, held: int, 
         noise=overview.change.noise,
     )
     begin, stop = overview.lit_first, scan.hold_last + 1
-    tensors = stripe_tensors(thumbnails, light, scale=scale, first=begin, stop=stop)
-    tensors -= noise_tensor(thumbnails, overview.change, light, scale=scale)
+    noise = noise_tensors(thumbnails, overview.change.rms, light, scale=scale, first=begin, stop=overview.lit_last + 1)
+    tensors = tensors_of(thumbnails, light, scale=scale, first=begin, stop=stop).less(noise).of_even_strength()
     return slide_angle_from_tensors(
         tensors,
         first_stop=tensors[min(1, held - 1) : held].mean(0),

@@ -70,7 +70,8 @@ def find_scan(
     if span < LEAST_SCAN_RAD:
         raise timeline_problem(
             "The lever was turned, but the pattern never moved afterwards: the crank was not turned, or filming "
-            "ended too early. After the lever has reached its stop, wait a second, then crank slowly by more than one stripe.",
+            "ended too early. After the lever has reached its stop, wait a second, then crank slowly by more "
+            "than one stripe.",
             "lamp on, hold, rotation, no scan",
         )
     first, final = _hold(tail)
@@ -83,7 +84,7 @@ def find_scan(
     samples, weight = _centre_samples(thumbnails, overview, begin + first, stop, scale=scale)
     steps = with_zero_at(advanced_iterative_steps(samples, weight, start=start).step, hold)
     calm = running_median(steps, median_frames)
-    resting = float(np.median(calm[-5:]))
+    resting = float(calm[-2:].mean())
     scan_first = first_beyond(calm, threshold_rad)
     scan_last = max(last_beyond(calm - resting, threshold_rad), scan_first)
     whole = np.full(thumbnails.shape[0], np.nan)

@@ -39,7 +39,11 @@ def write_cloud(
         table[f"scalar_{name}"] = np.nan_to_num(values[mask], nan=0.0, posinf=0.0, neginf=0.0)
     kinds = {"<f4": "float", "u1": "uchar"}
     header = ["ply", "format binary_little_endian 1.0"]
-    header += [f"comment {' '.join(line.split())}" for line in comment.splitlines() if line.strip()]
+    header += [
+        f"comment {' '.join(line.split()).replace('end_header', 'end-header')}"
+        for line in comment.splitlines()
+        if line.strip()
+    ]
     header += [f"element vertex {table.size}"]
     header += [f"property {kinds[kind]} {name}" for name, kind in fields]
     header += ["end_header", ""]

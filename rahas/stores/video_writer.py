@@ -18,7 +18,6 @@ FieldOrder = Literal["progressive", "top_first", "bottom_first"]
 
 _LAMBDA = 118  # of the codecs' quantiser scale
 _LIMITED, _FULL = 1, 2
-_GREY_CHROMA = 128
 
 
 class Encoding(NamedTuple):
@@ -90,10 +89,11 @@ def _write_video(path: Path, frames: Iterator[ByteArray], shape: tuple[int, ...]
             context.gop_size = 12
         flagged = _field_flags(width, height, pixel_format, rate, encoding.fields)
         count = 0
+        grey = np.uint8(128)
         for frame in frames:
             picture = av.VideoFrame(width, height, pixel_format)
-            for plane, content in zip(picture.planes, (frame, _GREY_CHROMA, _GREY_CHROMA), strict=True):
-                rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)  # type: ignore[call-overload]
+            for plane, content in zip(picture.planes, (frame, grey, grey), strict=True):
+                rows = np.frombuffer(plane, np.uint8).reshape(plane.height, plane.line_size)
                 rows[:, : plane.width] = content
             picture.time_base, picture.color_range, picture.pts = 1 / rate, range_code, count
             for packet in stream.encode(flagged(picture)):
@@ -109,7 +109,9 @@ def _options(encoding: Encoding) -> dict[str, str]:
     if encoding.codec == "ffv1":
         return {"level": "3", "slices": "4", "slicecrc": "1", "flags": "+bitexact"}
     if encoding.codec == "h264":
-        return {"crf": str(encoding.crf), "preset": "veryfast", "flags": "+bitexact" + interlaced}
+        order = {"progressive": {}, "top_first": {"x264-params": "tff=1"}, "bottom_first": {"x264-params": "bff=1"}}
+        settings = {"crf": str(encoding.crf), "preset": "veryfast", "flags": "+bitexact" + interlaced}
+        return settings | order[encoding.fields]
     return {"flags": "+bitexact+qscale" + interlaced, "global_quality": str(encoding.quantiser * _LAMBDA)}
 
 
@@ -117,10 +119,12 @@ def _field_flags(width: int, height: int, pixel_format: str, rate: Fraction, fie
     """A function that marks a frame as interlaced with its first field; the codec writes what the frame says."""
     if fields == "progressive":
         return lambda picture: picture
+    import av
     from av.filter import Graph
 
     graph = Graph()
-    source = graph.add_buffer(width=width, height=height, format=pixel_format, time_base=1 / rate)
+    layout = av.VideoFormat(pixel_format, width, height)
+    source = graph.add_buffer(width=width, height=height, format=layout, time_base=1 / rate)
     marker = graph.add("setfield", "mode=tff" if fields == "top_first" else "mode=bff")
     sink = graph.add("buffersink")
     source.link_to(marker)

@@ -12,7 +12,7 @@ from rahas.stages.sighting import Target
 from rahas.stores.arrays import open_store
 from rahas.stores.atomic import write_json
 from rahas.stores.layout import ScanFolder
-from rahas.stores.photos import read_photo
+from rahas.stores.photos import read_texture
 from rahas.stores.target import read_target
 
 
@@ -25,7 +25,7 @@ def run(scan: ScanFolder, *, target: Path, texture: Path | None, params: Calibra
         np.array([(mark.x_mm, mark.y_mm, mark.z_mm) for mark in marks]),
         np.array([np.nan if mark.diameter_mm is None else mark.diameter_mm for mark in marks]),
     )
-    photo = None if texture is None else read_photo(texture).mean(axis=2, dtype=np.float32)
+    photo = None if texture is None else read_texture(texture).mean(axis=2, dtype=np.float32)
     calibration = calibrate(
         background=phase["background"][...],
         unwrapped_phase=phase["unwrapped_phase"][...],

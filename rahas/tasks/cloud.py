@@ -13,7 +13,7 @@ from rahas.stages.rig import rig_from_json
 from rahas.stores.arrays import open_store, writing_store
 from rahas.stores.atomic import read_json
 from rahas.stores.layout import ScanFolder
-from rahas.stores.photos import read_photo
+from rahas.stores.photos import read_texture
 from rahas.stores.ply import write_cloud
 
 _DIMS = ("y", "x")
@@ -27,7 +27,7 @@ def run(scan: ScanFolder, *, calibration: ScanFolder, texture: Path | None, para
         phase_std=phase["phase_std"][...],
         background=phase["background"][...],
         rig=rig_from_json(read_json(calibration.calibration)),
-        photo=None if texture is None else read_photo(texture),
+        photo=None if texture is None else read_texture(texture),
         params=params,
     )
     _write_store(scan, calibration, cloud)

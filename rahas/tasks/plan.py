@@ -127,9 +127,8 @@ class Plan:
     def _name(self, stem: str, scan_id: str, whole: bool) -> str:
         """Stamp name: of the stamp that lies there if all is whole, else of one not made yet."""
         folder = self.expedition.scan(scan_id).records
-        existing = sorted((int(p.suffix[1:]) for p in folder.glob(f"{stem}.*") if p.suffix[1:].isdigit()), default=[])
-        newest = existing[-1] if existing else 0
-        number = newest if existing and whole else newest + 1
+        newest = max((int(p.suffix[1:]) for p in folder.glob(f"{stem}.*") if p.suffix[1:].isdigit()), default=0)
+        number = newest if newest and whole else newest + 1
         return str((folder / f"{stem}.{number}").relative_to(self.expedition.root))
 
     def _render_key(self, entry: Entry) -> str:

@@ -20,8 +20,7 @@ def run(scan: ScanFolder, *, params: SnakesParams) -> None:
     store, timeline = open_store(scan.frames), read_json(scan.timeline)
     frames = store["frames"]
     course = snakes.snake_timeline(timeline["intervals"], timeline["slide_angle_deg"], timeline["rotation_sense"])
-    first_field = int(store.attrs["field_order"] == "bottom_first") if store.attrs["interlaced"] else None
-    tracking = snakes.track(frames, course, params, first_field=first_field)
+    tracking = snakes.track(frames, course, params, field_order=str(store.attrs["field_order"]))
     shape = (frames.shape[0], tracking.snakes, frames.shape[2])
     chunks = (snakes.BLOCK_FRAMES, *shape[1:])
     attributes = {"stripes_seen": tracking.stripes_seen, "pitch_px": tracking.pitch_px}

@@ -68,13 +68,22 @@ def bump(frames: int, *, start: int, amplitude: float, frequency_hz: float = 4.0
     """Displacement (frame, 2) of a bounce that begins at frame ``start`` and decays."""
     time = np.maximum(np.arange(frames) - start, 0) / 30.0
     swing = amplitude * np.exp(-time / decay_s) * (np.arange(frames) >= start)
-    return np.stack([swing * np.cos(2 * np.pi * frequency_hz * time), 0.35 * swing * np.sin(2 * np.pi * frequency_hz * time)], 1)
+    return np.stack(
+        [swing * np.cos(2 * np.pi * frequency_hz * time), 0.35 * swing * np.sin(2 * np.pi * frequency_hz * time)], 1
+    )
 
 
 def film(scene: Scene, displacement: FloatArray | None = None) -> Capture:
     """Frames of the whole sequence: dark 5, hold, rotation, hold, scan, hold."""
     rng = np.random.default_rng(scene.seed)
-    counts = [("dark", 5), ("hold", scene.hold), ("rotation", scene.rotation), ("hold", scene.hold), ("scan", scene.scan), ("hold", scene.hold)]
+    counts = [
+        ("dark", 5),
+        ("hold", scene.hold),
+        ("rotation", scene.rotation),
+        ("hold", scene.hold),
+        ("scan", scene.scan),
+        ("hold", scene.hold),
+    ]
     intervals, first = [], 0
     for stage, count in counts:
         intervals.append({"stage": stage, "first": first, "last": first + count - 1})
