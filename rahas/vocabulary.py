@@ -97,7 +97,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("pitch_px", "stripe pitch", "px", "rows from stripe to stripe at the reference slide position"),
     Metric("jitter_std_px", "jitter measurement", "px", "predicted standard deviation of one frame's displacement, median"),
     Metric("object_found_share", "object followed", "of the frames", "share of the frames from rotation to scan in which the object's displacement could be measured"),
-    Metric("measured_share", "surface measured", "of the phase", "share of the pixels with phase that are points of the cloud"),
+    Metric("measured_share", "surface measured", "of the measurable", "share of the measurable pixels that are points of the cloud"),
     Metric("marks_found", "marks recognised", "", "marks of the target that were found and identified"),
     Metric("camera_rms_px", "camera residual", "px", "rms distance of the marks from the camera model"),
     Metric("camera_max_px", "largest camera residual", "px", "of any mark"),
@@ -109,4 +109,9 @@ METRICS: tuple[Metric, ...] = (
     Metric("target_flatness_mm", "flatness of the target's table", "mm", "rms distance of the marks in config/target.csv from two planes"),
     Metric("texture_camera_rms_px", "texture camera residual", "px", "rms distance of the marks from the texture camera's model"),
     Metric("texture_marks_found", "marks in the texture photo", "", "marks found in the target's photo"),
+    Metric("points", "points", "", "points of the cloud"),
+    Metric("point_spacing_mm", "point spacing", "mm", "median distance of neighbouring points across the line of sight"),
+    Metric("measurable_share", "measurable", "of the image", "share of the image in which stripes can be measured (modulation ≥ 5 σ)"),
+    Metric("ripple_before_rad", "ripple before debanding", "rad", "largest rms amplitude of a phase-locked error order before debanding"),
+    Metric("ripple_after_rad", "ripple after debanding", "rad", "the same after debanding"),
 )  # fmt: skip

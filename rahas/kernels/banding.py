@@ -124,15 +124,15 @@ def measure_banding(unwrapped_phase: AnyArray) -> Banding | None:
     values = above_window(relief)
     block, row = np.nonzero(usable)
     strip = (block * _STRIPS) // relief.shape[0]
-    weight: FloatArray = np.ones(values.size, dtype=np.float64)
-    solution = np.zeros(4 * ORDERS)
+    weight: FloatArray = np.ones(values.size)
+    solution: FloatArray = np.zeros(4 * ORDERS)
     for _ in range(4):
         normal, right = _by_strip(regressors, values, weight, strip)
         solution = _solve(normal.sum(axis=0), right.sum(axis=0))
         residual = values - regressors @ solution
         limit = 4.7 * 1.4826 * float(np.median(np.abs(residual))) + 1e-9
         agreeing = np.clip(1.0 - (residual / limit) ** 2, 0.0, None) ** 2
-        weight = np.divide(agreeing, _local_power(residual, usable), dtype=np.float64)
+        weight = np.asarray(agreeing / _local_power(residual, usable), dtype=np.float64)
     present = np.nonzero(np.bincount(strip, minlength=_STRIPS))[0]
     left_out = np.array([_solve(normal.sum(axis=0) - normal[s], right.sum(axis=0) - right[s]) for s in present])
     spread = left_out - left_out.mean(axis=0)
@@ -174,7 +174,8 @@ def _projector_grid(unwrapped_phase: AnyArray) -> tuple[FloatArray, FloatArray] 
 
 
 def _polynomial(x: FloatArray, y: FloatArray) -> FloatArray:
-    return np.column_stack([np.ones_like(x), x, y, x * x, x * y, y * y, x**3, x * x * y, x * y * y, y**3])
+    x2, y2, xy = x * x, y * y, x * y
+    return np.stack([np.ones_like(x), x, y, x2, xy, y2, x2 * x, x2 * y, x * y2, y2 * y]).T
 
 
 def _window(rows: FloatArray) -> FloatArray:

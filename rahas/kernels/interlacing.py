@@ -6,7 +6,7 @@
 | bottom field | B | rows 1, 3, 5, … |
 | first field | | the one exposed first: the top one when ``top_first``, the bottom one when ``bottom_first`` |
 | within | d(Tₙ, Bₙ) | mean squared difference of the two fields of a frame |
-| top step | d(Bₙ, Tₙ₊₁) | half a frame apart if the top field is first, one and a half if it is not, one if progressive |
+| top step | d(Bₙ, Tₙ₊₁) | half a frame apart if the top field is first, one and a half if not, one if progressive |
 | bottom step | d(Tₙ, Bₙ₊₁) | the other way round |
 
 T is brought to the rows of B by linear interpolation, so noise and interpolation add the same to all three distances

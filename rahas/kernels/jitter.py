@@ -21,6 +21,7 @@ _ROUNDS = 5
 _LINEAR = 0.7
 _LOST_SCALE = 0.55
 _LEAST_SCALE = 0.1
+_LEAST_POWER = 0.1
 _LEAST_SIGNIFICANCE = 6.0
 _WORST_CONDITION = 1e8
 
@@ -34,6 +35,8 @@ class Template(NamedTuple):
     gradient_y: Float32Array
     mask: Float32Array
     """1 where the object is, 0 elsewhere (y, x)."""
+    power: float
+    """Sum of the squared light over the mask, grey levels squared."""
 
 
 class Displacement(NamedTuple):
@@ -47,12 +50,16 @@ class Displacement(NamedTuple):
     """c: share of the template's texture that the frame shows."""
     std: float
     """Predicted standard deviation of the displacement (root of both axes' mean square), pixels."""
+    misfit: float
+    """Weighted rms of what the fit leaves, as a texture: an edge in place of the object's inside makes it large."""
 
 
-def template_from_texture(pattern: Float32Array, mask: BoolArray) -> Template:
-    """Template from a texture pattern (y, x) and the object's region (y, x)."""
-    gradient_y, gradient_x = np.gradient(pattern)
-    return Template(pattern, np.asarray(gradient_x), np.asarray(gradient_y), mask.astype(np.float32))
+def template_from_texture(still: TextureFrame, mask: BoolArray) -> Template:
+    """Template from the stripe-free background's texture and the object's region (y, x)."""
+    gradient_y, gradient_x = np.gradient(still.pattern)
+    weight = mask.astype(np.float32)
+    power = float((weight * still.light**2).sum())
+    return Template(still.pattern, np.asarray(gradient_x), np.asarray(gradient_y), weight, power)
 
 
 def displacement_from_texture(
@@ -88,8 +95,10 @@ def _refined(template: Template, frame: TextureFrame, start: tuple[float, float]
             slice(margin_y + shift_y, height - margin_y + shift_y),
             slice(margin_x + shift_x, width - margin_x + shift_x),
         )
-        weighted = columns * (frame.light[seen] ** 2 * template.mask[inner]).ravel()
-        rest = _solved(columns, weighted, frame.pattern[seen].ravel(), (height - 2 * margin_y, width - 2 * margin_x))
+        weight = (frame.light[seen] ** 2 * template.mask[inner]).ravel()
+        if weight.sum() < _LEAST_POWER * template.power:
+            return None  # off the object, or all of it in a trough
+        rest = _solved(columns, weight, frame.pattern[seen].ravel(), (height - 2 * margin_y, width - 2 * margin_x))
         if rest is None:
             return None
         found = rest._replace(x=rest.x + shift_x, y=rest.y + shift_y)
@@ -101,9 +110,10 @@ def _refined(template: Template, frame: TextureFrame, start: tuple[float, float]
 
 
 def _solved(
-    columns: Float32Array, weighted: Float32Array, observed: Float32Array, shape: tuple[int, int]
+    columns: Float32Array, weight: Float32Array, observed: Float32Array, shape: tuple[int, int]
 ) -> Displacement | None:
     """One weighted least squares of the observed texture (pixel,) on template and gradients (3, pixel)."""
+    weighted = columns * weight
     normal = (weighted @ columns.T).astype(np.float64)
     if not np.isfinite(normal).all() or np.linalg.cond(normal) > _WORST_CONDITION:
         return None
@@ -114,7 +124,8 @@ def _solved(
     scale = float(solution[0])
     if scale < _LEAST_SIGNIFICANCE * scale_std or scale < _LEAST_SCALE:
         return None
-    return Displacement(float(solution[1]) / scale, float(solution[2]) / scale, scale, std / scale)
+    misfit = float(np.sqrt(max(float(weight @ residual**2), 0.0) / max(float(weight.sum()), 1e-9)))
+    return Displacement(float(solution[1]) / scale, float(solution[2]) / scale, scale, std / scale, misfit)
 
 
 def _std_from_tiles(score: Float32Array, inverse: FloatArray, shape: tuple[int, int]) -> tuple[float, float]:

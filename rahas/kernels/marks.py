@@ -11,15 +11,13 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 
+from rahas.kernels.ellipses import Ellipse, distance_to_ellipse, fit_ellipse, radius_of_ellipse
 from rahas.typing import AnyArray, Float32Array, FloatArray
 
 _WORKING_WIDTH = 720
 _RELATIVE_LEVELS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8)
 _RAYS = 72
 _RADIAL_STEP_PX = 0.25
-
-
-_Ellipse = tuple[float, float, float, float, float]  # x, y, longer and shorter semi-axis, direction
 
 
 class Marks(NamedTuple):
@@ -143,15 +141,15 @@ def _measure(image: Float32Array, centre: FloatArray, radius: float) -> tuple[fl
     strength = slope.max(axis=1)
     usable = (strength > 0.3 * np.median(strength)) & (peak > 0) & (peak < slope.shape[1] - 1)
     outline = centre + edge[:, None] * directions
-    ellipse: _Ellipse | None = None
+    ellipse: Ellipse | None = None
     distance: FloatArray = np.zeros(_RAYS, dtype=np.float64)
     for _ in range(4):
         if usable.sum() < _RAYS // 2:
             return None
-        ellipse = _fit_ellipse(outline[usable])
+        ellipse = fit_ellipse(outline[usable])
         if ellipse is None:
             return None
-        distance = _distance_to_ellipse(outline, ellipse)
+        distance = distance_to_ellipse(outline, ellipse)
         scatter = 1.4826 * float(np.median(np.abs(distance[usable])))
         usable = np.abs(distance) < max(3.0 * scatter, 0.05)
     rms = float(np.sqrt(np.mean(distance[usable] ** 2))) if usable.any() else np.inf
@@ -161,7 +159,7 @@ def _measure(image: Float32Array, centre: FloatArray, radius: float) -> tuple[fl
     return (*ellipse, rms) if refined is None else refined
 
 
-def _refine(image: Float32Array, ellipse: _Ellipse) -> tuple[float, ...] | None:
+def _refine(image: Float32Array, ellipse: Ellipse) -> tuple[float, ...] | None:
     """The outline once more, by area: where a sharp edge would leave as much dark, the level outside being a slope.
 
     Shading and left-over stripes make the level outside the mark uneven; a ray's own straight line takes that out.
@@ -171,7 +169,7 @@ def _refine(image: Float32Array, ellipse: _Ellipse) -> tuple[float, ...] | None:
     outside = float(np.clip(0.4 * radius, 2.5, 4.0))
     angle = np.arange(_RAYS) * (2.0 * np.pi / _RAYS)
     directions = np.column_stack([np.cos(angle), np.sin(angle)])
-    to_edge = _radius_of_ellipse(ellipse, directions)
+    to_edge = radius_of_ellipse(ellipse, directions)
     offset = np.arange(-soft - 1.5, soft + outside, _RADIAL_STEP_PX)
     points = np.array(ellipse[:2]) + (to_edge[:, None] + offset)[..., None] * directions[:, None, :]
     if points.min() < 0 or points[..., 0].max() > image.shape[1] - 1 or points[..., 1].max() > image.shape[0] - 1:
@@ -189,65 +187,16 @@ def _refine(image: Float32Array, ellipse: _Ellipse) -> tuple[float, ...] | None:
     shift = inner_end + _RADIAL_STEP_PX * np.sum(1.0 - lightness[:, edge_window], axis=1)
     outline = np.array(ellipse[:2]) + (to_edge + shift)[:, None] * directions
     usable = np.abs(shift - np.median(shift)) < 1.0
-    fitted: _Ellipse | None = None
+    fitted: Ellipse | None = None
     for _ in range(3):
         if usable.sum() < _RAYS // 2:
             return None
-        fitted = _fit_ellipse(outline[usable])
+        fitted = fit_ellipse(outline[usable])
         if fitted is None:
             return None
-        distance = _distance_to_ellipse(outline, fitted)
+        distance = distance_to_ellipse(outline, fitted)
         scatter = 1.4826 * float(np.median(np.abs(distance[usable])))
         usable = np.abs(distance) < max(3.0 * scatter, 0.05)
     if fitted is None or not usable.any():
         return None
     return (*fitted, float(np.sqrt(np.mean(distance[usable] ** 2))))
-
-
-def _radius_of_ellipse(ellipse: _Ellipse, directions: FloatArray) -> FloatArray:
-    """Distance of the outline from the centre along unit ``directions`` (n, 2)."""
-    _, _, longer, shorter, direction = ellipse
-    along = directions @ np.array([np.cos(direction), np.sin(direction)])
-    across = directions @ np.array([-np.sin(direction), np.cos(direction)])
-    radius: FloatArray = 1.0 / np.hypot(along / longer, across / shorter)
-    return radius
-
-
-def _fit_ellipse(points: FloatArray) -> _Ellipse | None:
-    """Direct least-squares ellipse (Halíř & Flusser 1998): x, y, longer and shorter semi-axis, direction."""
-    mean = points.mean(axis=0)
-    size = float(np.abs(points - mean).max())
-    x, y = ((points - mean) / size).T
-    quadratic = np.column_stack([x * x, x * y, y * y])
-    linear = np.column_stack([x, y, np.ones_like(x)])
-    s1, s2, s3 = quadratic.T @ quadratic, quadratic.T @ linear, linear.T @ linear
-    back = -np.linalg.solve(s3, s2.T)
-    reduced = s1 + s2 @ back
-    values, vectors = np.linalg.eig(np.array([reduced[2] / 2.0, -reduced[1], reduced[0] / 2.0]))
-    vectors = np.real(vectors)
-    condition = 4.0 * vectors[0] * vectors[2] - vectors[1] ** 2
-    if not np.any(condition > 0) or not np.all(np.isfinite(values)):
-        return None
-    a, b, c = vectors[:, int(np.argmax(condition))]
-    d, e, f = back @ np.array([a, b, c])
-    shape = np.array([[a, b / 2.0], [b / 2.0, c]])
-    middle = np.linalg.solve(2.0 * shape, -np.array([d, e]))
-    level = middle @ shape @ middle - f
-    spectrum, axes = np.linalg.eigh(shape / level)
-    if spectrum[0] <= 0:
-        return None
-    longer, shorter = 1.0 / np.sqrt(spectrum)
-    direction = float(np.arctan2(axes[1, 0], axes[0, 0]))
-    cx, cy = middle * size + mean
-    return float(cx), float(cy), float(longer * size), float(shorter * size), direction
-
-
-def _distance_to_ellipse(points: FloatArray, ellipse: _Ellipse) -> FloatArray:
-    """Signed distance (first order) of points from the outline, px."""
-    x, y, longer, shorter, direction = ellipse
-    turn = np.array([[np.cos(direction), np.sin(direction)], [-np.sin(direction), np.cos(direction)]])
-    scaled = (points - [x, y]) @ turn.T / [longer, shorter]
-    radius = np.hypot(scaled[:, 0], scaled[:, 1])
-    gradient = np.hypot(scaled[:, 0] / longer, scaled[:, 1] / shorter) / np.maximum(radius, 1e-9)
-    distance: FloatArray = (radius - 1.0) / np.maximum(gradient, 1e-9)
-    return distance

@@ -66,7 +66,7 @@ def gradient_direction_deg(tensors: FloatArray) -> FloatArray:
 
 
 def slide_angle_from_tensors(
-    tensors: FloatArray, *, first_stop: FloatArray, second_stop: FloatArray, sense: int, iterations: int = 8
+    tensors: FloatArray, *, first_stop: FloatArray, second_stop: FloatArray, sense: int, iterations: int = 100
 ) -> FloatArray:
     """Slide angle of each frame of a rotation, degrees: 0 at ``first_stop``'s tensor, 90 at ``second_stop``'s.
 
@@ -80,7 +80,7 @@ def slide_angle_from_tensors(
     sense
         +1 where the gradient turns from +x to +y, −1 where it turns from −x to +y.
     """
-    cross = np.array([0.0, sense * 0.5 * np.sqrt(max(first_stop[0] * second_stop[2], 0.0)), 0.0])
+    cross = _cross_tensor(_main_gradient(first_stop), _main_gradient(second_stop), sense)
     angle, trust = np.zeros(len(tensors)), np.ones(len(tensors))
     for _ in range(iterations):
         shares = np.linalg.lstsq(np.stack([first_stop, cross, second_stop], axis=1), tensors.T, rcond=None)[0]
@@ -96,3 +96,15 @@ def slide_angle_from_tensors(
             break
         cross = (trust * lever) @ rest / (trust * lever**2).sum()
     return np.degrees(np.where(angle < -np.pi / 4, angle + np.pi, angle))
+
+
+def _main_gradient(tensor: FloatArray) -> FloatArray:
+    """(x, y) gradient of stripes that all run alike."""
+    values, vectors = np.linalg.eigh(np.array([[tensor[0], tensor[1]], [tensor[1], tensor[2]]]))
+    return np.asarray(vectors[:, 1] * np.sqrt(max(float(values[1]), 0.0)))
+
+
+def _cross_tensor(first: FloatArray, second: FloatArray, sense: int) -> FloatArray:
+    """J× of even gradients; those are known but for their signs, which ``sense`` settles."""
+    cross = np.array([first[0] * second[0], (first[0] * second[1] + first[1] * second[0]) / 2, first[1] * second[1]])
+    return np.asarray(cross * (sense if cross[1] >= 0 else -sense))

@@ -13,6 +13,7 @@ from rahas.kernels.roof import Roof, points_on_roof
 from rahas.kernels.triangulation import rays_of_camera, triangulate
 from rahas.typing import AnyArray, FloatArray
 
+_POINTS = 3000
 CAMERA_PARAMETERS = 12
 """m1…m11, k1; the projector's m5…m11 follow."""
 
@@ -33,6 +34,7 @@ def rig_covariance(
     world points that tell the scale.
     """
     camera = camera_fit.camera
+    pixels = pixels[:: max(1, len(pixels) // _POINTS)]
     values = np.append(camera.matrix.ravel()[:11], camera.radial)
     scale = parameter_scale(values, reach_mm, camera.centre)
 

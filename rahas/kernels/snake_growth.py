@@ -28,9 +28,13 @@ class GrowthRule(NamedTuple):
     reach_px: float
     """y_mgrow: rows that a snake's straight continuation may be off."""
     min_spacing: float
-    """Smallest distance of neighbouring stripes, in pitches."""
+    """Smallest distance of neighbouring stripes, in pitches, for names to stay."""
     max_spacing: float
-    """Largest distance of neighbouring stripes, in pitches."""
+    """Largest one."""
+    grow_min_spacing: float
+    """Smallest distance of neighbouring stripes, in pitches, for names to be added."""
+    grow_max_spacing: float
+    """Largest one."""
     min_length_px: int
     """Shortest chain that a neighbour above or below may name."""
 
@@ -45,7 +49,7 @@ def drop_contradictions(peaks: Peaks, chains: Chains, names: AnyArray, rule: Gro
     if chains.first.size == 0:
         return kept
     before = _named_pixels(chains, names)
-    _drop(peaks.y, peaks.counts, chains.number, before, *rule[:1], rule.min_spacing, rule.max_spacing, kept)
+    _drop(peaks.y, peaks.counts, chains.number, before, rule.pitch_px, rule.min_spacing, rule.max_spacing, kept)
     lost = _named_pixels(chains, kept) < 0.67 * before
     kept[np.append(lost, False)[chains.number]] = 0
     return kept
@@ -60,11 +64,11 @@ def multi_pass_grow(peaks: Peaks, chains: Chains, names: AnyArray, rule: GrowthR
     for _ in range(4):
         added = _grow_sideways(
             peaks.y, peaks.counts, chains.number, chains.first, chains.last, chains.start, chains.y, chains.slot,
-            rule.pitch_px, rule.gap_px, rule.reach_px, rule.min_spacing, rule.max_spacing, grown,
+            rule.pitch_px, rule.gap_px, rule.reach_px, rule.grow_min_spacing, rule.grow_max_spacing, grown,
         )  # fmt: skip
         added += _grow_by_neighbours(
             peaks.y, peaks.counts, chains.number, chains.first, chains.last, chains.start, chains.y, chains.slot,
-            rule.pitch_px, rule.min_spacing, rule.max_spacing, rule.min_length_px, snakes, grown,
+            rule.pitch_px, rule.grow_min_spacing, rule.grow_max_spacing, rule.min_length_px, snakes, grown,
         )  # fmt: skip
         if added == 0:
             break

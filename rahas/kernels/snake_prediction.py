@@ -27,6 +27,7 @@ _BLOCKS = 4
 _FORGETTING = 0.97
 _PRIOR_INFORMATION = 0.5
 _MEMORY = 0.9
+_PLANE_CLOSE = 0.02
 MIN_AGREEMENT = 0.6
 """Correlation of what a cell shows with what it should show, above which its prediction is sure."""
 _MAX_FRACTION = 0.3
@@ -83,14 +84,13 @@ def predicted(state: Prediction, levels: Float32Array, *, slide_angle_deg: float
     cos, sin = np.float32(np.cos(np.deg2rad(slide_angle_deg))), np.float32(np.sin(np.deg2rad(slide_angle_deg)))
     base = state.aligned * cos + state.across * sin
     plane = state.plane
+    stripe, in_phase, quadrature = _with_plane(base, plane)
     for _ in range(2):
-        stripe = base + _plane_map(plane, base.shape)
-        turn = stripe * np.float32(2 * np.pi)
-        in_phase, quadrature = np.cos(turn), np.sin(turn)
-        plane = plane + _plane_of_blocks(pattern * in_phase, -pattern * quadrature)
-    stripe = base + _plane_map(plane, base.shape)
-    turn = stripe * np.float32(2 * np.pi)
-    in_phase, quadrature = np.cos(turn), np.sin(turn)
+        off = _plane_of_blocks(pattern * in_phase, -pattern * quadrature)
+        plane = plane + off
+        stripe, in_phase, quadrature = _with_plane(base, plane)
+        if np.abs(off).max() < _PLANE_CLOSE:
+            break
     slope = np.where(lit, np.float32(-2 * np.pi) * sin * quadrature, np.float32(0))
     information = state.information * np.float32(_FORGETTING) + slope * slope
     np.maximum(information, np.float32(_PRIOR_INFORMATION), out=information)
@@ -140,6 +140,13 @@ def agreement(names: AnyArray, expected: AnyArray) -> float:
     """Share of the named peaks that have the name expected of them, of those of which one is expected."""
     both = (names > 0) & (expected != NO_NAME)
     return float(np.mean(names[both] == expected[both])) if both.any() else 1.0
+
+
+def _with_plane(base: Float32Array, plane: FloatArray) -> tuple[Float32Array, Float32Array, Float32Array]:
+    """K, cos 2πK and sin 2πK."""
+    stripe = base + _plane_map(plane, base.shape)
+    turn = stripe * np.float32(2 * np.pi)
+    return stripe, np.cos(turn), np.sin(turn)
 
 
 def _plane_map(plane: FloatArray, shape: tuple[int, ...]) -> Float32Array:

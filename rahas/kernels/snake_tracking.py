@@ -17,7 +17,9 @@ import numpy as np
 from rahas.kernels.peaks import Peaks
 from rahas.typing import AnyArray, Float32Array, FloatArray
 
-_MIN_MATCHES = 60
+_MIN_MATCHES = 40
+_COLUMN_STEP = 4
+"""The common motion is sought on every fourth column."""
 MEMORY_FRAMES = 3
 """Frames for which a pixel that was lost is still looked for."""
 _SEEN_SHARE = 0.5
@@ -66,17 +68,19 @@ def track_snakes(before: Float32Array, peaks: Peaks, *, wide_px: float, narrow_p
 
     ``wide_px`` is the reach of the first search, which finds the common motion, ``narrow_px`` that of the second.
     """
-    found = multi_pass_track_delta_y(before, peaks, STILL, reach_px=wide_px)
+    found = multi_pass_track_delta_y(before, peaks, STILL, reach_px=wide_px, column_step=_COLUMN_STEP)
     motion = motion_of_snakes(before, peaks, found)
     return multi_pass_track_delta_y(before, peaks, motion, reach_px=narrow_px), motion
 
 
-def multi_pass_track_delta_y(before: Float32Array, peaks: Peaks, motion: Motion, *, reach_px: float) -> AnyArray:
+def multi_pass_track_delta_y(
+    before: Float32Array, peaks: Peaks, motion: Motion, *, reach_px: float, column_step: int = 1
+) -> AnyArray:
     """``SnakeFind_multiPassTrackDeltaY``: int16 names (x, slot) that the top-down and the bottom-up pass agree on."""
     down = np.zeros(peaks.y.shape, np.int16)
     up = np.zeros(peaks.y.shape, np.int16)
-    _track_delta_y(before, peaks.y, peaks.counts, *motion, reach_px, True, down)
-    _track_delta_y(before, peaks.y, peaks.counts, *motion, reach_px, False, up)
+    _track_delta_y(before, peaks.y, peaks.counts, *motion, reach_px, column_step, True, down)
+    _track_delta_y(before, peaks.y, peaks.counts, *motion, reach_px, column_step, False, up)
     agreed: AnyArray = np.where(down == up, down, 0).astype(np.int16)
     return agreed
 
@@ -111,13 +115,14 @@ def _track_delta_y(
     per_x: float,
     per_y: float,
     reach: float,
+    column_step: int,
     top_down: bool,
     names: AnyArray,
 ) -> None:
     snakes, nx = before.shape
     for n in range(snakes):
         k = n if top_down else snakes - 1 - n
-        for x in range(nx):
+        for x in range(0, nx, column_step):
             y = before[k, x]
             if y != y:
                 continue

@@ -15,7 +15,7 @@ from rahas.typing import AnyArray, BoolArray, FloatArray
 
 _GATE = 4.0
 _MIN_GATE_RAD = 0.02
-_MAX_POINTS = 12000
+_MAX_POINTS = 20000
 
 
 class TargetPhaseFit(NamedTuple):
@@ -51,7 +51,7 @@ def fit_projector_on_roof(
         Too little phase is measured between the marks.
     """
     height, width = unwrapped_phase.shape
-    step = max(1, int(np.sqrt(height * width / (2.0 * _MAX_POINTS))))
+    step = max(1, int(np.ceil(np.sqrt(height * width / _MAX_POINTS))))
     grid = pixel_grid(height, width, step=step)
     value = np.asarray(unwrapped_phase[::step, ::step], dtype=np.float64)
     shape = value.shape

@@ -60,7 +60,7 @@ def compose(
         plots=_plots(evidence.timeline, review),
         sections=sections,
         marks=residual_rows(evidence.calibration),
-        facts=[*model_facts(evidence.calibration), *surface_facts(about_cloud)],
+        facts=[*model_facts(evidence.calibration, told=qa.get("metrics") or ()), *surface_facts(about_cloud)],
         remarks=side_remarks(remarks, qa),
         files=_links(present),
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from rahas.report.words import metric_label, metric_unit, value_text
@@ -28,15 +28,15 @@ def _column_text(value: Any, form: str) -> str:
     return "—" if value is None else format(value, form).replace("-", "−")
 
 
-def model_facts(calibration: Mapping[str, Any] | None) -> list[tuple[str, str]]:
-    """Summary residuals and lens terms as (name, value with unit)."""
+def model_facts(calibration: Mapping[str, Any] | None, *, told: Collection[str] = ()) -> list[tuple[str, str]]:
+    """Summary residuals, less those ``told`` among the metrics, and lens terms as (name, value with unit)."""
     if not calibration:
         return []
     residuals = calibration.get("residuals") or {}
     facts = [
         (metric_label(name), value_text(value, metric_unit(name)))
         for name, value in residuals.items()
-        if value is None or isinstance(value, int | float | str)
+        if name not in told and (value is None or isinstance(value, int | float | str))
     ]
     camera = calibration.get("camera") or {}
     if "width_px" in camera and "height_px" in camera:
@@ -51,7 +51,9 @@ def surface_facts(attributes: Mapping[str, Any]) -> list[tuple[str, str]]:
     """What cloud.zarr's attributes tell: share measured, ripple by order before and after debanding."""
     facts = []
     if attributes.get("measured_share") is not None:
-        facts.append((metric_label("measured_share"), f"{100 * float(attributes['measured_share']):.1f} %"))
+        facts.append(
+            ("pixels with phase that are points of the cloud", f"{100 * float(attributes['measured_share']):.1f} %")
+        )
     for name, label in (("ripple_before_rad", "before"), ("ripple_after_rad", "after")):
         if attributes.get(name):
             orders = ", ".join(f"{1000 * float(value):.1f}" for value in attributes[name])

@@ -14,7 +14,7 @@ from rahas.simulate.sensor import AutoExposure, code_table, exposed_frame
 from rahas.simulate.specs import CameraSpec, RigSpec
 from rahas.typing import ByteArray, Float32Array, IntArray
 
-STILL_PX = 1e-3
+STILL_PX = 2e-3
 
 
 def filmed_frames(camera: CameraSpec, duration_s: float) -> IntArray:

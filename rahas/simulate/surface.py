@@ -80,7 +80,7 @@ def rock_albedo(patch: Patch, *, mean: float, contrast: float, seed: int) -> Flo
     stains = fractal_noise(patch, ALBEDO_SPACING_MM, coarsest_mm=40, finest_mm=5, roughness=0.4, seed=seed + 101)
     speckle = fractal_noise(patch, ALBEDO_SPACING_MM, coarsest_mm=3, finest_mm=0.5, roughness=0.2, seed=seed + 202)
     albedo = mean * np.exp(contrast * (0.09 * stains + 0.07 * speckle))
-    return np.clip(albedo, 0.01, 0.98).astype(np.float32)
+    return np.clip(albedo, 0.002, 0.98).astype(np.float32)
 
 
 def on_albedo_grid(height_map: Float32Array, patch: Patch) -> Float32Array:

@@ -20,7 +20,7 @@ _MOST_PIXELS = 130_000
 _LEAST_FIDELITY = 0.4
 _LEAST_FOUND = 0.6
 _DOUBTFUL_STD = 2.0
-_DOUBTFUL_SCALE = 0.4
+_DOUBTFUL_MISFIT = 2.5
 
 
 class ObjectMotion(NamedTuple):
@@ -60,17 +60,15 @@ def object_motion(
         px: where displacement is less sure than this, there is no texture to measure it on.
     """
     sigma = high_pass_sigma(pitch_from_fit(fit))
-    offset = max(
-        3.0 * float(noise_sigma.min()), _OFFSET_SHARE * float(np.percentile(fit.background, 90) - black_level), 1.0
-    )
     mask = _texture_region(fit, noise_sigma, margin=int(np.ceil(3 * sigma)))
     displacement = np.full((len(time_s), 2), np.nan)
-    scale, std = np.full(len(time_s), np.nan), np.full(len(time_s), np.nan)
+    scale, std, misfit = (np.full(len(time_s), np.nan) for _ in range(3))
     if mask.sum() < _LEAST_PIXELS:
         return ObjectMotion(displacement, None, None, 0.0)
     window = _window_of(mask)
+    offset = max(3.0 * float(noise_sigma.min()), _OFFSET_SHARE * float(np.median(fit.background[mask]) - black_level), 1.0)
     still = texture_from_luma(fit.background[window], black_level=black_level, offset=offset, sigma=sigma)
-    template = template_from_texture(still.pattern, mask[window])
+    template = template_from_texture(still, mask[window])
     start = (0.0, 0.0)
     for number, block in moments.blocks(first, last):
         for n, frame in enumerate(block, start=number):
@@ -79,13 +77,15 @@ def object_motion(
             if found is not None:
                 start = (found.x, found.y)
                 displacement[n] = start
-                scale[n], std[n] = found.scale, found.std
+                scale[n], std[n], misfit[n] = found.scale, found.std, found.misfit
     displacement *= moments.factor
     std *= moments.factor
     moving = slice(first, last + 1)
     if np.isfinite(scale).any():
         with np.errstate(invalid="ignore"):
-            doubtful = (std > _DOUBTFUL_STD * largest_std) | (scale < _DOUBTFUL_SCALE * np.nanmedian(scale))
+            relative = scale / np.nanmedian(scale)
+            doubtful = (std > _DOUBTFUL_STD * largest_std) | (relative < 0.4) | (relative > 2.0)
+            doubtful |= misfit > _DOUBTFUL_MISFIT * np.nanmedian(misfit)
         displacement[doubtful] = scale[doubtful] = std[doubtful] = np.nan
     found_share = float(np.isfinite(scale[moving]).mean())
     typical_std = float(np.nanmedian(std)) if found_share else np.inf

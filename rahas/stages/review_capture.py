@@ -21,7 +21,7 @@ _WORKING_WIDTH = 360
 _LARGEST_FACTOR = 4
 _LEAST_PITCH = 10.0
 _SAMPLES = 20
-_LIT_SHARE, _LIT_PERCENTILE = 0.25, 98
+_LIT_SHARE, _LIT_PERCENTILE, _LEAST_REGION = 0.25, 98, 200
 
 
 class CaptureReview(NamedTuple):
@@ -135,7 +135,7 @@ def _light_metrics(
     whole = region | clipped.high
     span = span_from_region(region)
     # Where no object is wide enough, all that is lit is looked at, to tell a weak pattern from a small object.
-    seen = region if region.any() and span >= params.min_object_span else region | _lit(fit, limits.bottom)
+    seen = region if region.any() and span >= params.min_object_span else region | _lit(fit, region, limits.bottom)
     return {
         "object_span": span,
         "measurable_share": float(region.mean()),
@@ -148,9 +148,11 @@ def _light_metrics(
     }
 
 
-def _lit(fit: StripeFit, black_level: float) -> BoolArray:
+def _lit(fit: StripeFit, region: BoolArray, black_level: float) -> BoolArray:
+    """What is about as bright as the measurable region, or, without one, as the brightest of the image."""
     light = fit.background - black_level
-    return np.asarray(light >= _LIT_SHARE * np.percentile(light, _LIT_PERCENTILE))
+    reference = np.median(light[region]) if region.sum() >= _LEAST_REGION else np.percentile(light, _LIT_PERCENTILE)
+    return np.asarray(light >= _LIT_SHARE * reference)
 
 
 def _motion_metrics(motion: ObjectMotion) -> dict[str, Any]:

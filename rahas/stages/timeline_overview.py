@@ -92,7 +92,7 @@ def tensors_of(
 
 
 def brightness_off_mean(thumbnails: FrameStack, light: PatternLight, *, scale: float) -> FloatArray:
-    """(frame) how far a frame is brighter than the background light, in units of the contrast: about -1.4 without lamp."""
+    """(frame) how much brighter a frame is than the background light, in contrasts: about -1.4 without lamp."""
     share = light.weight * light.inverse / light.weight.sum()
     mean = float((share * light.background).sum())
     return (

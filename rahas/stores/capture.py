@@ -1,4 +1,4 @@
-"""A capture as the rest of the chain sees it, whatever it is stored as: frames in order, once, and the facts about them."""
+"""A capture whatever it is stored as: its frames in order, once, and the facts about them."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Capture(Protocol):
         """Significant bits of a sample, known from the first frame on."""
 
     def frames(self) -> Iterator[AnyArray]:
-        """Luma (y, x) of each frame in the order of presentation, uint8 or uint16, valid until the next one is asked for."""
+        """Luma (y, x) of each frame in the order of presentation, uint8 or uint16, valid until the next one."""
 
     def facts(self) -> CaptureFacts: ...
 

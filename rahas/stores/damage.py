@@ -2,9 +2,9 @@
 
 Decoders conceal damage, so no single witness is enough. Heard are: messages of the video decoder and of the container
 reader, frames marked corrupt, checksums (FFV1 slices, Matroska clusters), packets that gave no frame, the declared
-number of frames or duration, gaps and order of the presentation times. What none of them can see is a flipped bit
-that leaves a valid stream, in formats without checksums: a few of a hundred single flips in H.264, MPEG-2 or MJPEG, most
-in HEVC, VP9 or raw video outside Matroska.
+length of the file, gaps and order of the presentation times. What none of them can see is a flipped bit that leaves a
+valid stream, in formats without checksums: of single flips a third to a half in H.264, MPEG-2 and MPEG-4 and most in
+MJPEG, HEVC, VP9 or raw video outside Matroska; of tens of flips hardly any but in HEVC, VP9 and raw video.
 """
 
 from __future__ import annotations
@@ -24,7 +24,8 @@ LOST_IN_A_ROW = 3
 
 _ERROR, _WARNING = 16, 24  # levels of FFmpeg's log, the graver the lower
 _GRAVE_WARNINGS = re.compile(
-    r"Packet corrupt|EOI missing|Skipping invalid undecodable NALU|Continuity check failed|Invalid timestamps|DTS discontinuity"
+    r"Packet corrupt|EOI missing|Skipping invalid undecodable NALU|Continuity check failed|Invalid timestamps"
+    r"|DTS discontinuity"
 )
 _HARMLESS = re.compile(
     r"co located POCs unavailable|mmco: unref short failure|number of reference frames .* exceeds max|reorder buffer"
@@ -93,8 +94,8 @@ def findings(
 ) -> list[dict[str, Any]]:
     """The damage of a video: [{``kind``, ``frame``, ``last_frame``, ``message``}], frames 0-based, both inclusive.
 
-    ``frame`` is None where the place is not known. ``checks_slices``: the decoder verifies every byte by itself, so that its own
-    messages tell the place better than the container's checksum does.
+    ``frame`` is None where the place is not known. ``checks_slices``: the decoder verifies every byte by itself, so
+    that its own messages tell the place better than the container's checksum does.
     """
     places = _Places(witness, len(times_s))
     found: list[dict[str, Any]] = []
@@ -204,12 +205,11 @@ def _holes(witness: Witness, times_s: FloatArray, tick_s: float) -> list[dict[st
     rising = steps[steps > 0]
     if len(rising) < 8:
         return []
-    found = []
     step = float(np.median(rising))
-    for n in np.flatnonzero(steps <= 0):
-        found.append(
-            _entry("time_order", int(n), int(n) + 1, f"The presentation time falls from frame {n} to {n + 1}.")
-        )
+    found = [
+        _entry("time_order", int(n), int(n) + 1, f"The presentation time falls from frame {n} to {n + 1}.")
+        for n in np.flatnonzero(steps <= 0)
+    ]
     even = np.abs(steps - step) <= 0.02 * step + 1.01 * tick_s
     lost = np.rint(steps / step).astype(int) - 1
     stamps = {frame.pts for frame in witness.frames}
@@ -223,7 +223,7 @@ def _holes(witness: Witness, times_s: FloatArray, tick_s: float) -> list[dict[st
             text = f"{lost[n]} frames after frame {n} are in the file but could not be decoded."
             found.append(_entry("missing_frames", int(n), int(n) + 1, text))
         elif lost[n] >= LOST_IN_A_ROW and even.mean() >= 0.9:
-            text = f"The times jump after frame {n}: {lost[n]} frames are missing ({steps[n]:.2f} s instead of {step:.3f} s)."
+            text = f"The times jump by {steps[n]:.2f} s after frame {n}: {lost[n]} frames are missing."
             found.append(_entry("time_gap", int(n), int(n) + 1, text))
     return found
 

@@ -1,6 +1,6 @@
 """Still pictures: the texture camera's photo, and captures that are folders of stills.
 
-OpenCV reads the samples (16 bit stay 16 bit, nothing is turned); the EXIF orientation is read by Pillow and applied here.
+OpenCV reads the samples (16 bit stay 16 bit, nothing is turned); Pillow tells the EXIF orientation, applied here.
 """
 
 from __future__ import annotations
@@ -63,8 +63,8 @@ class ImageFolder:
         if not self._files:
             raise unreadable(
                 "empty",
-                f"The folder {path.name} holds no pictures (PNG, TIFF or JPEG). Copy the capture's stills into it, or name "
-                "another one in the column capture of the field log.",
+                f"The folder {path.name} holds no pictures (PNG, TIFF or JPEG). Copy the capture's stills into it, or "
+                "name another one in the column capture of the field log.",
             )
 
     def frames(self) -> Iterator[AnyArray]:
@@ -85,10 +85,11 @@ class ImageFolder:
             if shape is None:
                 shape, first, self.bit_depth = luma.shape, file.name, 8 * luma.dtype.itemsize
             elif luma.shape != shape or 8 * luma.dtype.itemsize != self.bit_depth:
+                sizes = _size(shape, self.bit_depth), _size(luma.shape, 8 * luma.dtype.itemsize)
                 raise unreadable(
                     "frame_size",
-                    f"The pictures of the folder {self._path.name} are not of one kind: {first} has {_size(shape, self.bit_depth)}, "
-                    f"{file.name} has {_size(luma.shape, 8 * luma.dtype.itemsize)}. Keep only one capture's stills in it.",
+                    f"The pictures of the folder {self._path.name} are not of one kind: {first} has {sizes[0]}, "
+                    f"{file.name} has {sizes[1]}. Keep only one capture's stills in it.",
                 )
             self._count += 1
             yield luma
@@ -193,7 +194,7 @@ def _cut_short(data: bytes) -> str:
 
 def _turned(picture: AnyArray, orientation: int) -> AnyArray:
     """Apply an EXIF orientation: 2, 4, 5, 7 mirrored; 3 upside down; 6 and 8 a quarter turn."""
-    mirrored = {2: 0, 4: 2, 5: 3, 7: 1}
+    mirrored = {2: 0, 4: 2, 5: 1, 7: 3}
     turns = {1: 0, 3: 2, 6: 3, 8: 1}
     if orientation in mirrored:
         return np.rot90(picture[:, ::-1], mirrored[orientation])

@@ -1,4 +1,4 @@
-"""Video through PyAV: decoded once, in order, never sought; luma as shot, presentation times, and all signs of damage.
+"""Video through PyAV: decoded once, in order, never sought; luma as shot, its times, and all signs of damage.
 
 A picture that the container says to turn for display (a phone held upright) is turned, so it stands as the operator saw it.
 Audio and further video streams are passed over: the longest video stream counts, the first one of equals.
@@ -6,6 +6,7 @@ Audio and further video streams are passed over: the longest video stream counts
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -15,6 +16,7 @@ import av
 import av.logging
 import numpy as np
 
+from rahas.errors import CaptureProblem
 from rahas.stores.capture import CaptureFacts, even_times, unreadable
 from rahas.stores.container_ends import missing_bytes
 from rahas.stores.damage import Frame, Packet, Promise, Witness, findings
@@ -28,6 +30,7 @@ CONTAINERS = (
     "yuv4mpegpipe,gxf,wtv,rm"
 )
 _TOP_FIRST, _BOTTOM_FIRST = {2, 5}, {3, 4}  # AVFieldOrder: by the field displayed first
+_GIANT = re.compile(r"Picture size (\d+)x(\d+) exceeds specified max pixel count")
 _DEAD_ENDS = 100  # errors in a row after which the rest of a file counts as lost
 _TIMES_FROM_INDEX = ("avi",)  # containers without presentation times
 
@@ -43,6 +46,8 @@ class Video:
         self._flags: dict[str, int] = {}
         self.bit_depth = 8
         self._range = 0
+        self._giant = (0, 0)
+        """size that the decoder refused"""
         self._facts: CaptureFacts | None = None
 
     def frames(self) -> Iterator[AnyArray]:
@@ -73,12 +78,14 @@ class Video:
             decoder = stream.codec_context
             names = frozenset({decoder.name, container.format.name})
             self._listen(log, None, names)
-            self._refuse_giant(decoder.width * decoder.height, decoder.width, decoder.height)
+            self._refuse_giant(decoder.width, decoder.height)
+            if decoder.width == 0:
+                self._refuse_giant(*self._giant)
             decoder.options = {"max_pixels": str(self._max_pixels)}
             shape: tuple[int, ...] | None = None
             strangers = 0
             for frame in self._frames_of(container, stream, log, names):
-                self._refuse_giant(frame.width * frame.height, frame.width, frame.height)
+                self._refuse_giant(frame.width, frame.height)
                 luma = upright(luma_of(frame), frame.rotation)
                 if shape is None:
                     shape, self.bit_depth, self._range = luma.shape, bit_depth_of(frame), int(frame.color_range)
@@ -92,12 +99,13 @@ class Video:
                 yield luma
             self._listen(log, None, names)
             if not self._witness.frames:
-                raise self._nothing_decoded(decoder.name, log)
+                self._refuse_giant(*self._giant)
+                raise self._nothing_decoded(decoder.name)
             if strangers > len(self._witness.frames):
                 raise unreadable(
                     "frame_size",
-                    f"The frames of {self._path.name} are not all of one size: {strangers} differ from the first. Film "
-                    "a scan in one take with one setting of the camera.",
+                    f"The frames of {self._path.name} are not all of one size: {strangers} differ from the first. "
+                    "Film a scan in one take with one setting of the camera.",
                     value=strangers,
                 )
             self._facts = self._conclude(container, stream)
@@ -115,7 +123,7 @@ class Video:
             if any("moov atom not found" in text for text in said) and self._is_mp4():
                 raise unreadable(
                     "container",
-                    f"{self._path.name} was cut short: its table of contents, which an MP4 or MOV file has at the end, is missing "
+                    f"{self._path.name} was cut short: the table of contents at the end of an MP4 or MOV file is missing "
                     "(battery or card pulled while filming, or a copy that broke off). Copy it again from the card; "
                     "a repair tool for MP4 files may bring the recording back.",
                 ) from None
@@ -176,36 +184,28 @@ class Video:
 
     def _listen(self, log: list[tuple[int, str, str]], packet: int | None, names: frozenset[str]) -> None:
         for level, speaker, text in log:
+            if match := _GIANT.search(text):
+                self._giant = int(match[1]), int(match[2])
             self._witness.hear(packet, level, speaker, text, names)
         log.clear()
 
-    def _refuse_giant(self, pixels: int, width: int, height: int) -> None:
-        if pixels > self._max_pixels:
+    def _refuse_giant(self, width: int, height: int) -> None:
+        if width * height > self._max_pixels:
             raise unreadable(
                 "frame_size",
-                f"{self._path.name} says that its frames have {width} x {height} pixels, more than any camera of a scanner takes: the "
-                "file is broken, or ingest.max_megapixels in config/config.yaml has to be raised.",
-                value=round(pixels / 1e6, 1),
+                f"{self._path.name} says that its frames have {width} x {height} pixels, more than a scanner's camera "
+                "takes: the file is broken, or ingest.max_megapixels in config/config.yaml has to be raised.",
+                value=round(width * height / 1e6, 1),
                 limit=self._max_pixels / 1e6,
                 unit="megapixels",
             )
 
-    def _nothing_decoded(self, codec: str, log: list[Any]) -> Exception:
+    def _nothing_decoded(self, codec: str) -> CaptureProblem:
         said = [spoken.text for spoken in self._witness.spoken]
-        giant = next((text for text in said if "exceeds specified max pixel count" in text), None)
-        if giant:
-            return unreadable(
-                "frame_size",
-                f"{self._path.name} is refused: {giant}. The file is broken, or ingest.max_megapixels in config/config.yaml has to "
-                "be raised.",
-                limit=self._max_pixels / 1e6,
-                unit="megapixels",
-            )
-        reason = f" ({said[0]})" if said else ""
         return unreadable(
             "frames",
-            f"Not one frame of {self._path.name} can be decoded ({codec}, {len(self._witness.packets)} packets){reason}. Copy it "
-            "again from the camera's card.",
+            f"Not one frame of {self._path.name} can be decoded ({codec}, {len(self._witness.packets)} packets"
+            f"{': ' + said[0] if said else ''}). Copy it again from the camera's card.",
             value=0,
             limit=1,
             unit="frames",

@@ -34,7 +34,12 @@ def example(name: str) -> dict[str, Any]:
     if name == "qa":
         return build.verdict(outcome="rejected", reasons=[build.reason()])
     if name == "review":
-        return {"reasons": [build.reason()], "warnings": [], "metrics": {"jitter": 3.4, "contrast": None}}
+        return {
+            "reasons": [build.reason()],
+            "warnings": [],
+            "metrics": {"jitter": 3.4, "contrast": None},
+            "series": {"displacement_px": [None, [0.1, -0.2]]},
+        }
     if name == "calibration":
         return build.calibration()
     row = {"scan_id": "a", "site": "b", "role": "scan", "decision": "", "verdict": "", "rule": "", "message": ""}

@@ -7,10 +7,11 @@ import pytest
 
 from rahas.simulate.capture import render, stage
 from rahas.simulate.examples import example
-from rahas.simulate.frames import _moved, filmed_frames
-from rahas.simulate.maps import maps_of, surface_of
+from rahas.simulate.frames import _moved, filmed_frames, render_frames
+from rahas.simulate.hand import motion_of
+from rahas.simulate.maps import Maps, maps_of, surface_of
 from rahas.simulate.pattern import add_pattern, pattern_phase
-from rahas.simulate.specs import CameraSpec, RigSpec
+from rahas.simulate.specs import CameraSpec, HandSpec, RigSpec
 from rahas.simulate.surface import ALBEDO_SPACING_MM, HEIGHT_SPACING_MM
 
 LINEAR = {"gamma": 1.0, "peak": 0.8}
@@ -45,9 +46,8 @@ def phase_error_over_bound(frames, truth, rig, *, rows):
 
 @pytest.mark.parametrize("crank", ["tilt", "translation"])
 def test_frames_hold_the_phase_of_the_truth_to_the_noise(crank):
-    capture = example(
-        "plane", short=True, rig={"crank": crank, "centre_v": 0.02}, camera=LINEAR, scene={"texture": 0.3}
-    )
+    rig = {"crank": crank, "centre_v": 0.02}
+    capture = example("plane", short=True, rig=rig, camera=LINEAR, scene={"texture": 0.3})
     frames, truth = render(capture)
     ratios = phase_error_over_bound(frames, truth, capture.rig, rows=slice(8, None, 9))
     assert 0.9 < np.sqrt(np.mean(ratios**2)) < 1.15
@@ -98,14 +98,11 @@ def test_a_bump_moves_the_object_and_leaves_the_pattern_with_the_rig():
     capture = example("circle", short=True)
     surface = surface_of(capture)
     maps = maps_of(capture, surface)
-    right_mm, down_mm = 2.0, 1.2
+    cells_right, cells_down, finer = 5, 3, round(HEIGHT_SPACING_MM / ALBEDO_SPACING_MM)
+    right_mm, down_mm = cells_right * HEIGHT_SPACING_MM, cells_down * HEIGHT_SPACING_MM
     moved_surface = surface._replace(
-        height=np.roll(
-            surface.height, (-round(down_mm / HEIGHT_SPACING_MM), round(right_mm / HEIGHT_SPACING_MM)), (0, 1)
-        ),
-        albedo=np.roll(
-            surface.albedo, (-round(down_mm / ALBEDO_SPACING_MM), round(right_mm / ALBEDO_SPACING_MM)), (0, 1)
-        ),
+        height=np.roll(surface.height, (-cells_down, cells_right), (0, 1)),
+        albedo=np.roll(surface.albedo, (-finer * cells_down, finer * cells_right), (0, 1)),
     )
     expected = maps_of(capture, moved_surface)
     px_per_mm = capture.rig.focal_widths * capture.rig.width_px / capture.rig.working_distance_mm
@@ -122,7 +119,8 @@ def test_a_bump_moves_the_object_and_leaves_the_pattern_with_the_rig():
 
 def test_the_same_seed_gives_the_same_frames_and_another_does_not():
     hand = {"dark_before_s": 0.1, "hold_before_s": 0.1, "rotation_s": 0.4, "hold_between_s": 0.1, "crank_s": 0.3}
-    capture = example("circle", short=True, hand={**hand, "tremor_px": 0.1})
+    small = {"width_px": 120, "height_px": 80}
+    capture = example("circle", short=True, rig=small, hand={**hand, "tremor_px": 0.1})
     first, again = render(capture), render(capture)
     assert np.array_equal(first.frames, again.frames)
     assert all(np.array_equal(first.truth[name], again.truth[name]) for name in first.truth)
@@ -164,3 +162,17 @@ def test_auto_exposure_and_flicker_change_the_brightness_and_ambient_lights_the_
     assert np.ptp(uneven[hold][1:]) > 1.0
     dark = interval(truth, "dark")
     assert 3 < steady[dark].mean() - 16 < 0.5 * (steady[hold].mean() - 16)
+
+
+def test_maps_of_a_real_object_are_enough_to_film_it():
+    v, u = (m.astype(np.float32) for m in np.mgrid[-0.5:0.5:64j, -0.7:0.7:96j])
+    maps = Maps(u=u, v=v, light=np.ones_like(u), albedo=np.ones_like(u), slide_gradient=None, points=None)
+    rig, hand, camera = RigSpec(stripes=6), HandSpec(tremor_px=0.3), CameraSpec(readout_s=0.02)
+    motion = motion_of(hand, rig, centre_v=0.0, seed=4)
+    shows = np.array([0, 40, 40, 140, 400])
+    dark, first, again, turning, scanned = render_frames(maps, rig, motion, camera, shows=shows, seed=4)
+    assert dark.mean() < 25
+    assert np.array_equal(first, again)
+    assert first.mean(axis=0).std() > 5 * first.mean(axis=1).std(), "upright stripes at the first stop"
+    assert scanned.mean(axis=1).std() > 5 * scanned.mean(axis=0).std(), "level stripes at the second"
+    assert turning.std() > 15

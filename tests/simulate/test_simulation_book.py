@@ -11,9 +11,10 @@ import yaml
 
 from rahas.errors import ExpeditionError
 from rahas.simulate.book import SimulationBook
-from rahas.simulate.capture import stage
 from rahas.simulate.hand import motion_of
+from rahas.simulate.maps import surface_of
 from rahas.simulate.roof import DIAMETER_MM, target_marks
+from rahas.simulate.surface import ALBEDO_SPACING_MM
 from rahas.stores.video_writer import SUFFIXES
 from rahas.tasks import simulate
 
@@ -73,8 +74,10 @@ def test_only_the_cave_was_jarred(book):
 
 def test_the_stones_of_los_metates_span_a_fifth_and_that_of_the_cave_most_of_the_picture(book):
     for scan_id, least, most in (("hill_1", 0.17, 0.23), ("cave_1", 0.8, 0.97)):
-        albedo = stage(book.capture(scan_id)).maps.albedo
-        assert least < np.ptp(np.flatnonzero((albedo > 0.1).any(axis=0))) / albedo.shape[1] < most
+        capture = book.capture(scan_id)
+        columns = np.flatnonzero((surface_of(capture).albedo > 0.1).any(axis=0))
+        view_mm = capture.rig.working_distance_mm / capture.rig.focal_widths
+        assert least < np.ptp(columns) * ALBEDO_SPACING_MM / view_mm < most
 
 
 def test_target_table_is_the_roof_that_is_rendered():
@@ -91,7 +94,9 @@ captures:
   one:
     setup: bench
     scene: {kind: circle, size_mm: 170}
-    hand: {dark_before_s: 0.1, hold_before_s: 0.1, rotation_s: 0.3, hold_between_s: 0.1, crank_s: 0.3, hold_after_s: 0.1, dark_after_s: 0}
+    hand:
+      {dark_before_s: 0.1, hold_before_s: 0.1, rotation_s: 0.3, hold_between_s: 0.1, crank_s: 0.3, hold_after_s: 0.1,
+       dark_after_s: 0}
     encoding: {codec: mpeg2}
 """
 
@@ -123,7 +128,7 @@ def test_task_writes_video_photo_and_truth_the_same_every_time(tmp_path):
 )
 def test_a_wrong_book_is_refused_with_the_place(tmp_path, old, new, told):
     (tmp_path / "simulation.yaml").write_text(SMALL_BOOK.replace(old, new), encoding="utf-8")
-    with pytest.raises(ExpeditionError, match="simulation.yaml") as refusal:
+    with pytest.raises(ExpeditionError, match=r"simulation\.yaml") as refusal:
         simulate.run(spec_path=tmp_path / "simulation.yaml", scan_id="one", captures=tmp_path)
     assert told in str(refusal.value)
     assert not (tmp_path / "simulated").exists()

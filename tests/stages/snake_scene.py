@@ -22,13 +22,15 @@ class Scene(NamedTuple):
     lit: BoolArray
     albedo: FloatArray
     stripes: int
+    edge: BoolArray
+    """Pixels within 2 px of a depth step or of a shadow, where the image mixes two surfaces."""
 
 
 class Capture(NamedTuple):
     frames: AnyArray
     phase: FloatArray  # (frame, y, x) true pattern phase
     timeline: SnakeTimeline
-    lit: BoolArray
+    edge: BoolArray
 
 
 def scene(relief: str, *, height: int = 180, width: int = 240, stripes: int = 16, rise: float = 0.8) -> Scene:
@@ -51,7 +53,9 @@ def scene(relief: str, *, height: int = 180, width: int = 240, stripes: int = 16
     u = (x - width / 2) / size * 1.6
     v = (y - height / 2) / size * 1.6 + shape * 2 / stripes
     albedo = np.exp(2.0 * cv2.GaussianBlur(rng.normal(size=x.shape), (0, 0), 3))
-    return Scene(u, v, lit, np.clip(albedo, 0.4, 2.0), stripes)
+    steps = np.abs(cv2.Laplacian(np.rint(shapes[relief]), cv2.CV_64F)) > 0 if relief in ("step", "block") else ~lit
+    edge = cv2.dilate((steps | ~lit).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
+    return Scene(u, v, lit, np.clip(albedo, 0.4, 2.0), stripes, edge)
 
 
 def film(what: Scene, *, sense: int = 1, level: float = 45.0, noise: float = 1.0, dark: int = 2) -> Capture:
@@ -84,7 +88,7 @@ def film(what: Scene, *, sense: int = 1, level: float = 45.0, noise: float = 1.0
         moving=(turn, scan),
         lit=np.isfinite(angles),
     )
-    return Capture(np.stack(frames), np.stack(phases), timeline, what.lit)
+    return Capture(np.stack(frames), np.stack(phases), timeline, what.edge)
 
 
 class Score(NamedTuple):
@@ -99,15 +103,14 @@ class Score(NamedTuple):
 
 
 def score(shot: Capture, blocks: list[SnakeBlock], unrotation_deg: FloatArray, pitch_px: float) -> Score:
-    """Snakes beside the true phase; pixels within 2 px of what the lamp does not reach are left out."""
+    """Snakes beside the true phase; mixed pixels are left out."""
     identity = np.concatenate([b.identity for b in blocks])
     rows = np.concatenate([b.y for b in blocks])
-    near_shadow = cv2.dilate((~shot.lit).astype(np.uint8), np.ones((5, 5), np.uint8)) > 0
     shift = None
     wrong, off, coverage, topmost = [], [], [], []
     for n in range(shot.timeline.first_hold[0], len(shot.frames), 3):
         phase = canvas_columns(shot.phase[n].astype(np.float32), unrotation_deg[n])
-        seen = canvas_columns((~near_shadow).astype(np.float32), unrotation_deg[n]) > 0.999
+        seen = canvas_columns((~shot.edge).astype(np.float32), unrotation_deg[n]) > 0.999
         k, x = np.nonzero(identity[n])
         y = rows[n, k, x]
         whole = np.clip(np.rint(y).astype(int), 1, phase.shape[1] - 2)

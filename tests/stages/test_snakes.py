@@ -56,11 +56,11 @@ def test_portrait_frames() -> None:
 def test_lever_of_two_degrees_and_more_a_frame_and_doubled_frames() -> None:
     shot = film(scene("wave", rise=0.6))
     first, last = shot.timeline.moving[0]
-    kept = np.r_[np.arange(first), np.repeat(np.arange(first, last + 1), 2)[::3], np.arange(last + 1, len(shot.frames))]
+    kept = np.sort(np.r_[np.arange(len(shot.frames)), np.arange(first, last, 5)])
     gone = len(shot.frames) - len(kept)
-    speed = np.abs(np.diff(shot.timeline.slide_angle_deg[kept][first : last - gone]))
+    speed = np.diff(shot.timeline.slide_angle_deg[kept][first : last - gone])
     assert speed.max() > 2.0
-    assert np.any(speed == 0) or np.any(np.diff(kept) == 0)
+    assert speed.min() == 0.0
     timeline = shot.timeline
     fast = Capture(
         shot.frames[kept],
@@ -71,7 +71,7 @@ def test_lever_of_two_degrees_and_more_a_frame_and_doubled_frames() -> None:
             second_hold=(timeline.second_hold[0] - gone, timeline.second_hold[1] - gone),
             moving=((first, last - gone), (timeline.moving[1][0] - gone, timeline.moving[1][1] - gone)),
         ),
-        shot.lit,
+        shot.edge,
     )
     result = tracked(fast)
     assert result.wrong == 0

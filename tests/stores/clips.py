@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import av
@@ -19,7 +20,7 @@ FRAMES, HEIGHT, WIDTH = 75, 120, 160
 def stripes(
     count: int = FRAMES, *, order: str = "progressive", height: int = HEIGHT, width: int = WIDTH
 ) -> list[ByteArray]:
-    """Luma (y, x) in 16 … 235: hold, a quarter turn, hold, movement across; interlaced: the second field half a frame later."""
+    """Luma (y, x), 16 … 235: hold, quarter turn, hold, movement; interlaced: the second field half a frame later."""
     y, x = np.mgrid[:height, :width]
     noise = np.random.default_rng(1)
 
@@ -42,22 +43,22 @@ class Recipe(NamedTuple):
 
     name: str
     codec: str
-    options: dict[str, str] = {}
+    options: Mapping[str, str] = MappingProxyType({})
     pixels: str = "yuv420p"
     bit_rate: int = 0
     order: str = "progressive"
     times_ms: Callable[[int], int] | None = None
     audio: bool = False
     rate: Fraction = Fraction(30)
-    container: dict[str, str] = {}
+    container: Mapping[str, str] = MappingProxyType({})
 
 
 def write_clip(folder: Path, recipe: Recipe, frames: Sequence[AnyArray] | None = None, *, rotation: int = 0) -> Path:
     """Write a clip; luma goes into the file untouched (10 bit: times four)."""
     frames = stripes(order=recipe.order) if frames is None else frames
     path = folder / recipe.name
-    with av.open(str(path), "w", options=recipe.container) as container:
-        stream: Any = container.add_stream(recipe.codec, rate=recipe.rate, options=recipe.options)
+    with av.open(str(path), "w", options=dict(recipe.container)) as container:
+        stream: Any = container.add_stream(recipe.codec, rate=recipe.rate, options=dict(recipe.options))
         stream.height, stream.width = frames[0].shape
         stream.pix_fmt = recipe.pixels
         stream.codec_context.thread_count = 1

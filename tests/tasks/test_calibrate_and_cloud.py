@@ -1,4 +1,4 @@
-"""calibration.json, cloud.zarr and cloud.ply as later stages and people read them; and the independent renderer's rig."""
+"""calibration.json, cloud.zarr and cloud.ply as they are read later; and the rig of an independent renderer."""
 
 from __future__ import annotations
 
