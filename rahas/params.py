@@ -105,7 +105,7 @@ class PhaseParams(StageParams):
         3.0, gt=0, description="stripe amplitude over the noise of a frame, below which nothing is measured"
     )
     outer_reach: float = Field(0.5, ge=0, le=1, description="how far the outermost snake is trusted, stripes")
-    growth_px: int = Field(12, ge=0, le=1000, description="how far orders are carried beyond the snakes, pixels")
+    growth_px: int = Field(40, ge=0, le=1000, description="how far orders are carried beyond the snakes, pixels")
     growth_tolerance_rad: float = Field(
         1.2, gt=0, lt=3.14, description="largest phase step between neighbours that still continues a surface, radians"
     )

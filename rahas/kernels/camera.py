@@ -100,6 +100,8 @@ def camera_matrix_from_marks(world: FloatArray, pixels: FloatArray) -> FloatArra
     if singular[-2] < 1e-6 * singular[0]:
         raise ValueError("the points lie on one plane: no camera follows from them")
     matrix: FloatArray = np.linalg.inv(to_image) @ vectors[-1].reshape(3, 4) @ to_world
+    if abs(matrix[2, 3]) < 1e-12 * np.abs(matrix).max():
+        raise ValueError("the world's origin lies in the camera's own plane")
     matrix /= matrix[2, 3]
     return matrix
 

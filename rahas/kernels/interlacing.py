@@ -72,15 +72,11 @@ def first_field_full_height(frames: AnyArray, field_order: str = TOP_FIRST) -> A
     between = _mean_of_neighbours(own)
     full = np.empty_like(frames)
     full[..., first::2, :] = own
+    full[..., first + 1 : first + 2 * between.shape[-2] : 2, :] = between
     if first:
         full[..., 0, :] = own[..., 0, :]
-        full[..., 2::2, :] = between[..., : full[..., 2::2, :].shape[-2], :]
-        if full[..., 2::2, :].shape[-2] > between.shape[-2]:
-            full[..., -1, :] = own[..., -1, :]
-    else:
-        full[..., 1::2, :][..., : between.shape[-2], :] = between
-        if full[..., 1::2, :].shape[-2] > between.shape[-2]:
-            full[..., -1, :] = own[..., -1, :]
+    if (full.shape[-2] - first) % 2 == 0:
+        full[..., -1, :] = own[..., -1, :]
     return full
 
 

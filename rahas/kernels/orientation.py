@@ -66,7 +66,7 @@ def gradient_direction_deg(tensors: FloatArray) -> FloatArray:
 
 
 def slide_angle_from_tensors(
-    tensors: FloatArray, *, first_stop: FloatArray, second_stop: FloatArray, sense: int, iterations: int = 100
+    tensors: FloatArray, *, first_stop: FloatArray, second_stop: FloatArray, sense: int, iterations: int = 12
 ) -> FloatArray:
     """Slide angle of each frame of a rotation, degrees: 0 at ``first_stop``'s tensor, 90 at ``second_stop``'s.
 

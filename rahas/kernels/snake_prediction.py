@@ -120,7 +120,7 @@ def predicted_names(state: Prediction, peaks: Peaks, *, unrotation_deg: float, h
     np.clip(i, 0, state.stripe.shape[0] - 1, out=i)
     np.clip(j, 0, state.stripe.shape[1] - 1, out=j)
     stripe = state.stripe[i, j]
-    name = np.rint(stripe)
+    name = np.clip(np.rint(stripe), -999, 999)  # far from all labels the cubic may be anything
     sure = state.sure[i, j] & (np.abs(stripe - name) < _MAX_FRACTION)
     names = np.full(peaks.y.shape, NO_NAME, np.int16)
     names[x, slot] = np.where(sure, name, NO_NAME)

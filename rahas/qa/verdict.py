@@ -51,6 +51,7 @@ def verdict(
     return {
         "scan_id": scan_id,
         "verdict": outcome,
+        "gate": "capture" if result is None else "result",
         "reasons": reasons,
         "warnings": warnings,
         "metrics": _metrics(capture, result),

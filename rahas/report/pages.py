@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
-from hashlib import sha256
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -90,15 +89,6 @@ def render_index(cards: Sequence[Card]) -> str:
     dates = sorted({str(card.row["date"]) for card in cards if card.row["date"]})
     template = _environment().get_template("index.html.j2")
     return template.render(sites=sites, counts=counts, dates=dates, total=len(cards))
-
-
-def templates_digest() -> str:
-    """Digest of the templates: what a page depends on beside code and data."""
-    digest = sha256()
-    for path in sorted(TEMPLATES.iterdir()):
-        if path.is_file():
-            digest.update(path.name.encode() + b"\0" + path.read_bytes() + b"\0")
-    return digest.hexdigest()
 
 
 @cache

@@ -66,7 +66,9 @@ def object_motion(
     if mask.sum() < _LEAST_PIXELS:
         return ObjectMotion(displacement, None, None, 0.0)
     window = _window_of(mask)
-    offset = max(3.0 * float(noise_sigma.min()), _OFFSET_SHARE * float(np.median(fit.background[mask]) - black_level), 1.0)
+    offset = max(
+        3.0 * float(noise_sigma.min()), _OFFSET_SHARE * float(np.median(fit.background[mask]) - black_level), 1.0
+    )
     still = texture_from_luma(fit.background[window], black_level=black_level, offset=offset, sigma=sigma)
     template = template_from_texture(still, mask[window])
     start = (0.0, 0.0)
@@ -74,7 +76,7 @@ def object_motion(
         for n, frame in enumerate(block, start=number):
             texture = texture_from_luma(frame[window], black_level=black_level, offset=offset, sigma=sigma)
             found = displacement_from_texture(template, texture, start=start)
-            if found is not None:
+            if found is not None and not (n > first + 10 and found.misfit > _DOUBTFUL_MISFIT * np.nanmedian(misfit)):
                 start = (found.x, found.y)
                 displacement[n] = start
                 scale[n], std[n], misfit[n] = found.scale, found.std, found.misfit

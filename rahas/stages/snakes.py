@@ -236,6 +236,7 @@ def _blocks(
     snakes, width = rows.shape
     labelled = int(np.isfinite(rows).sum())
     state = State(memory_of_rows(rows), prediction)
+    kept = 0.0
     for first in range(0, reader.count, BLOCK_FRAMES):
         sets = []
         for n in range(first, min(first + BLOCK_FRAMES, reader.count)):
@@ -245,8 +246,10 @@ def _blocks(
             turn = Turn(float(unrotation[n]), float(timeline.slide_angle_deg[n]))
             state, one = next_frame(reader.frame(n), turn, state, tools)
             sets.append(one)
+            if timeline.second_hold[0] <= n <= timeline.second_hold[1]:
+                kept = max(kept, np.count_nonzero(one.identity) / labelled)
             if n == timeline.second_hold[1]:
-                _refuse_if_lost(np.count_nonzero(one.identity) / labelled, tools.params.min_tracked_share)
+                _refuse_if_lost(kept, tools.params.min_tracked_share)
         yield SnakeBlock(
             first,
             np.stack([s.identity for s in sets]),

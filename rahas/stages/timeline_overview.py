@@ -140,6 +140,12 @@ def _turn(tensors: FloatArray, offset: int) -> tuple[int, int, int]:
                 "Start filming with the lever at its first stop (stripes upright), then turn it, then crank.",
                 found,
             )
+        if abs(turned) < 30:
+            raise timeline_problem(
+                "The stripes stay upright to the end: the lever was never turned. Turn it to its second stop, wait a "
+                "second, then crank.",
+                found,
+            )
         raise timeline_problem(
             f"The stripes turned by {abs(turned):.0f}° instead of a right angle: the lever did not go from stop to "
             "stop. Start with the lever at its first stop (stripes upright) and turn it all the way before cranking.",

@@ -1,6 +1,6 @@
 """Video through PyAV: decoded once, in order, never sought; luma as shot, its times, and all signs of damage.
 
-A picture that the container says to turn for display (a phone held upright) is turned, so it stands as the operator saw it.
+A picture that the container says to turn for display (a phone held upright) is turned, as the operator saw it.
 Audio and further video streams are passed over: the longest video stream counts, the first one of equals.
 """
 
@@ -123,7 +123,7 @@ class Video:
             if any("moov atom not found" in text for text in said) and self._is_mp4():
                 raise unreadable(
                     "container",
-                    f"{self._path.name} was cut short: the table of contents at the end of an MP4 or MOV file is missing "
+                    f"{self._path.name} was cut short: the table of contents at the end of an MP4 file is missing "
                     "(battery or card pulled while filming, or a copy that broke off). Copy it again from the card; "
                     "a repair tool for MP4 files may bring the recording back.",
                 ) from None

@@ -13,7 +13,7 @@ from rahas.tasks import page, review
 from rahas.tasks.expedition import Expedition
 from rahas.tasks.make import Maker, Rejected, say
 from rahas.tasks.pipeline import JOBS, STAGES, Work
-from rahas.tasks.plan import PAGE_ENTRY, VERDICT_ENTRY, Plan, row_of, write_stamp
+from rahas.tasks.plan import PAGE_ENTRY, VERDICT_ENTRY, Plan, row_of, templates_digest, write_stamp
 
 
 def run(expedition: Expedition, job_name: str, scan_id: str, stamp: Path) -> None:
@@ -75,7 +75,7 @@ def _write_page(work: Work) -> None:
             else "none",
         },
         columns=row_of(work.entry),
-        params={},
+        params={"templates": templates_digest()},
         code=package_code().fingerprint(PAGE_ENTRY),
         libraries=library_versions("jinja2", "opencv-python-headless"),
     )

@@ -16,7 +16,7 @@ from typing import Any
 from rahas.provenance.fingerprints import package_code
 from rahas.provenance.records import MADE, library_versions, read_record
 from rahas.stores.atomic import write_json
-from rahas.stores.digests import digest_of_json
+from rahas.stores.digests import digest_of_json, manifest_of_folder
 from rahas.stores.field_log import Entry
 from rahas.stores.layout import ScanFolder
 from rahas.tasks.expedition import Expedition
@@ -25,6 +25,7 @@ from rahas.tasks.pipeline import JOBS, STAGES, Job, Work, last_job
 PAGE_ENTRY = "rahas.tasks.page:run"
 VERDICT_ENTRY = "rahas.tasks.review:write_verdict"
 SIMULATE_ENTRY = "rahas.tasks.simulate:run"
+TEMPLATES = Path(__file__).resolve().parents[1] / "report" / "templates"
 
 
 class Plan:
@@ -98,7 +99,7 @@ class Plan:
             "included": entry.scan_id in self.expedition.include_rejected,
         }
         if job.is_last:
-            recipe["page"] = self._code[PAGE_ENTRY]
+            recipe["page"] = [self._code[PAGE_ENTRY], templates_digest()]
             recipe["row"] = row_of(entry)
         return recipe
 
@@ -142,12 +143,18 @@ def row_of(entry: Entry) -> dict[str, Any]:
     return {
         **{
             name: getattr(entry, name)
-            for name in ("scan_id", "site", "notes", "decision", "role", "calibration", "subject", "date", "time")
+            for name in (
+                *("scan_id", "site", "notes", "decision", "role", "calibration"),
+                *("subject", "date", "time", "operator", "redundant_of", "simulated"),
+            )
         },
-        "operator": entry.operator,
-        "redundant_of": entry.redundant_of,
         "extra": dict(entry.extra),
     }
+
+
+def templates_digest() -> str:
+    """Digest of the pages' templates: code that is no code."""
+    return digest_of_json(manifest_of_folder(TEMPLATES))
 
 
 def write_stamp(path: Path, recipe: Mapping[str, Any]) -> None:

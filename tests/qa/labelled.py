@@ -40,9 +40,7 @@ def judge(capture: CaptureSpec) -> Judged:
     except CaptureProblem as problem:
         return Judged([problem.rule], [], {}, None)
     params = CaptureReviewParams()
-    review = review_capture(
-        rendering.frames, time_s=time_s, attributes=ATTRIBUTES, timeline=timeline, params=params
-    )
+    review = review_capture(rendering.frames, time_s=time_s, attributes=ATTRIBUTES, timeline=timeline, params=params)
     found = capture_findings(review.metrics, timeline=timeline, damage=[], role="scan", params=params)
     return Judged(
         [reason["rule"] for reason in found.reasons],

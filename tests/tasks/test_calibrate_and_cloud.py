@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 import cv2
+import jsonschema
 import numpy as np
 import pytest
 import xarray
@@ -46,6 +47,8 @@ def test_from_phase_to_files(tmp_path: Path) -> None:
     cv2.imwrite(str(photo), np.repeat(roof.image.astype(np.uint8)[..., None], 3, axis=2))
     calibrate.run(target, target=table, texture=photo, params=CalibrationParams())
     calibration = read_json(target.calibration)
+    schema = Path(__file__).parents[2] / "docs" / "schemas" / "calibration.schema.json"
+    jsonschema.validate(calibration, read_json(schema))
     assert calibration["scan_id"] == "cal"
     assert calibration["residuals"]["camera_rms_px"] < 0.1
     assert calibration["texture_camera"]["width_px"] == 360
