@@ -114,10 +114,12 @@ def with_zero_at(step: FloatArray, frames: slice) -> FloatArray:
 
 
 def path_share(step: FloatArray) -> FloatArray:
-    """(frame) weight by the pattern's path about the frame, capped, with a little left for the frames of a hold."""
+    """(frame) weight by the pattern's path about the frame, capped; all frames of holds together weigh a tenth."""
     path = np.abs(np.gradient(step)) if len(step) > 1 else np.ones(1)
-    top = float(np.quantile(path, 0.9))
-    return np.clip(path / top, 0.02, 1.0) if top > 0 else np.ones_like(path)
+    if not path.any():
+        return np.ones_like(path)
+    share = np.minimum(path * path.sum() / (path**2).sum(), 1.0)
+    return np.maximum(share, min(0.02, 0.1 * float(share.mean())))
 
 
 def _pixel_fit(

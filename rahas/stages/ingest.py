@@ -89,8 +89,10 @@ def join_measures(
     )
     known = distances[np.isfinite(distances).all(axis=1)] / 4.0 ** (bit_depth - 8)
     interlacing = recognise_interlacing(FieldDistances(*known.T), flagged_order)
-    limited = luma_range != "full" and not _has_superwhite(high[:, 2])
-    low_candidate, high_candidate = (0 if luma_range == "full" else 1), (1 if limited else 0)
+    superwhite = _has_superwhite(high[:, 2])
+    limited = luma_range != "full" and not superwhite
+    low_candidate = 0 if luma_range == "full" or (luma_range == "unknown" and superwhite) else 1
+    high_candidate = 1 if limited else 0
     levels = (_level(16, bit_depth) if low_candidate else 0, _level(234 if limited else 254, bit_depth))
     return CaptureMeasures(mean_level, low[:, low_candidate], high[:, high_candidate], change, interlacing, levels)
 

@@ -21,6 +21,7 @@ _LEAST_FIDELITY = 0.4
 _LEAST_FOUND = 0.6
 _DOUBTFUL_STD = 2.0
 _DOUBTFUL_MISFIT = 2.5
+_FRAMES_TO_JUDGE = 10
 
 
 class ObjectMotion(NamedTuple):
@@ -76,7 +77,7 @@ def object_motion(
         for n, frame in enumerate(block, start=number):
             texture = texture_from_luma(frame[window], black_level=black_level, offset=offset, sigma=sigma)
             found = displacement_from_texture(template, texture, start=start)
-            if found is not None and not (n > first + 10 and found.misfit > _DOUBTFUL_MISFIT * np.nanmedian(misfit)):
+            if found is not None and not _is_edge(found.misfit, misfit[first:n]):
                 start = (found.x, found.y)
                 displacement[n] = start
                 scale[n], std[n], misfit[n] = found.scale, found.std, found.misfit
@@ -98,6 +99,12 @@ def object_motion(
     displacement[scan[0] : scan[1] + 1] /= min(fidelity, 1.0)
     jitter = jitter_from_displacement(displacement[moving], time_s[moving])
     return ObjectMotion(displacement, jitter, typical_std, found_share)
+
+
+def _is_edge(misfit: float, before: FloatArray) -> bool:
+    """Whether what was found in a frame is an edge, not the object's inside, judged by the frames before."""
+    known = before[np.isfinite(before)]
+    return len(known) >= _FRAMES_TO_JUDGE and misfit > _DOUBTFUL_MISFIT * float(np.median(known))
 
 
 def _fidelity(scale: FloatArray, scan: tuple[int, int], moving: slice) -> float:

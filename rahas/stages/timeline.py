@@ -133,7 +133,7 @@ def _intervals(frames: int, lit_first: int, lit_last: int, rotation: Rotation, s
             "Wait a second with the lamp on before turning the lever.",
             "lamp on, no hold, rotation, hold, scan",
         )
-    if scan.scan_first - rotation.last < 2:
+    if scan.scan_first - max(rotation.last + 1, scan.still_from) < 2:
         raise timeline_problem(
             "The crank was turned before the lever had reached its stop: there is no hold between rotation and scan, "
             "so the reference slide position is unknown. Wait a second at the lever's stop before cranking.",

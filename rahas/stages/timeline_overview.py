@@ -47,6 +47,15 @@ def timeline_problem(message: str, found: str) -> CaptureProblem:
     return CaptureProblem("timeline", "stages", message, value=found, limit=ENOUGH)
 
 
+def no_stripes() -> CaptureProblem:
+    """Nothing in the capture moves, or it is too faint to see."""
+    return timeline_problem(
+        "No moving stripes were found: the lamp was off, the pattern out of focus, or neither lever nor crank was "
+        "moved. Look through the camera while turning the lever before filming.",
+        "no moving stripes",
+    )
+
+
 def look_over(thumbnails: FrameStack, *, scale: float) -> Overview:
     """Lit frames and the rough extent of the turn, from thumbnails (frame, y, x) times ``scale`` in grey levels.
 
@@ -63,8 +72,12 @@ def look_over(thumbnails: FrameStack, *, scale: float) -> Overview:
         )
     change = frame_change(thumbnails, scale=scale)
     light = pattern_light(thumbnails, path_weights(change), noise=change.noise, scale=scale)
+    if not light.weight.max() > 0:
+        raise no_stripes()
     change = frame_change(thumbnails, scale=scale, weight=light.weight)
     light = pattern_light(thumbnails, path_weights(change), noise=change.noise, scale=scale)
+    if not light.weight.max() > 0:
+        raise no_stripes()
     frames = thumbnails.shape[0]
     noise = noise_tensors(thumbnails, change.rms, light, scale=scale, first=0, stop=frames)
     tensors = tensors_of(thumbnails, light, scale=scale).less(noise).tensor
@@ -117,11 +130,7 @@ def lit_frames(tensors: FloatArray, brightness: FloatArray, path: FloatArray) ->
     usual = float(np.median(strength[moving])) if moving.any() and path.max() > 0 else 0.0
     lit = [run for run in runs((strength > 0.5 * usual) & (brightness > UNLIT)) if run[1] - run[0] >= 2]
     if usual <= 0 or not lit:
-        raise timeline_problem(
-            "No moving stripes were found: the lamp was off, the pattern out of focus, or neither lever nor crank was "
-            "moved. Look through the camera while turning the lever before filming.",
-            "no moving stripes",
-        )
+        raise no_stripes()
     return lit[0][0], lit[-1][1]
 
 

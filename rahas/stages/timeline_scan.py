@@ -15,6 +15,8 @@ from rahas.typing import Float32Array, FloatArray, FrameStack
 
 LEAST_SCAN_RAD = 0.5
 """A pattern that moved less than this was not scanned at all."""
+CRANK_MOVED_RAD = 0.15
+"""More than the last half degree of the slide's turn can move the pattern at the field's centre."""
 SAMPLES = 3000
 SAMPLE_BUDGET = 12_000_000
 """Pixels sampled for the steps, and pixels times frames at most."""
@@ -28,6 +30,8 @@ class Scan(NamedTuple):
     hold_first: int
     hold_last: int
     """Frames about the reference slide position: the steps' zero."""
+    still_from: int
+    """First frame from which on the crank rested before the scan."""
     scan_first: int
     scan_last: int
     step: FloatArray
@@ -92,6 +96,7 @@ def find_scan(
     return Scan(
         hold_first=begin + first,
         hold_last=begin + final,
+        still_from=begin + 1 + last_beyond(tail.step[: first + 1] - tail.step[first], CRANK_MOVED_RAD),
         scan_first=begin + first + scan_first,
         scan_last=begin + first + min(scan_last, len(steps) - 1),
         step=whole,

@@ -158,7 +158,7 @@ def _expected(model: type[BaseModel], path: tuple[str, ...]) -> str:
 def _meaning(field: FieldInfo) -> str:
     schema = _schema_of(field)
     kinds = [_kind(part) for part in schema.get("anyOf", [schema])]
-    return f"{field.description or 'a value'} ({' or '.join(kinds)})"
+    return f"{' '.join((field.description or 'a value').split())} ({' or '.join(kinds)})"
 
 
 def _schema_of(field: FieldInfo) -> dict[str, Any]:

@@ -114,7 +114,9 @@ def findings(
     spoken_of = [(a, b) for a, b in said if a is not None and b is not None]
     for start, stop in witness.bad_ranges:
         span = places.of_bytes(start, stop)
-        inside = any(span[0] <= a and b <= span[1] for a, b in spoken_of) if span[0] is not None else False
+        inside = (
+            span[0] is not None and span[1] is not None and any(span[0] <= a and b <= span[1] for a, b in spoken_of)
+        )
         if not (checks_slices and inside):
             said[span].append("the checksum of this part of the file does not fit")
     found += [_entry("decoder_message", a, b, _told(texts)) for (a, b), texts in _merged(said)]

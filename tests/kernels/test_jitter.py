@@ -61,7 +61,7 @@ def test_jitter_is_the_worst_second() -> None:
 
 def test_frames_without_displacement_are_left_out_of_the_jitter() -> None:
     time_s = np.arange(90) / 30
-    swing = np.stack([np.cos(2 * np.pi * 5 * time_s), 0 * time_s], axis=1)
+    swing = np.stack([np.cos(2 * np.pi * 6.7 * time_s), 0 * time_s], axis=1)
     swing[::3] = np.nan
     assert jitter_from_displacement(swing, time_s) == pytest.approx(np.sqrt(0.5), rel=0.10)
     assert jitter_from_displacement(np.full((90, 2), np.nan), time_s) is None

@@ -70,7 +70,13 @@ def test_the_result_does_not_depend_on_the_blocks(cuts: list[int], depth: int) -
 
 @pytest.mark.parametrize(
     ("luma_range", "brightest", "levels"),
-    [("limited", 235, (16, 234)), ("limited", 255, (16, 254)), ("unknown", 235, (16, 234)), ("full", 235, (0, 254))],
+    [
+        ("limited", 235, (16, 234)),
+        ("limited", 255, (16, 254)),
+        ("unknown", 235, (16, 234)),
+        ("unknown", 255, (0, 254)),
+        ("full", 235, (0, 254)),
+    ],
 )
 def test_clip_levels_follow_the_range_and_superwhite(luma_range: str, brightest: int, levels: tuple[int, int]) -> None:
     frames = np.full((3, 16, 16), 100, np.uint8)
