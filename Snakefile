@@ -1,6 +1,7 @@
 # RAHAS: from field_log.csv to measured surfaces, in the order of the data.
 # `snakemake --cores 2` here, or `--snakefile THIS --directory EXPEDITION` for any other expedition.
 
+
 include: "workflow/rules/common.smk"
 include: "workflow/rules/simulate.smk"
 include: "workflow/rules/capture.smk"

@@ -108,9 +108,9 @@ def _summary(options: argparse.Namespace) -> None:
 
 
 def _config(options: argparse.Namespace) -> None:
-    from rahas.stores.config import write_generated
+    from rahas.stores.config import write_defaults
 
-    write_generated(options.expedition)
+    write_defaults(options.expedition)
 
 
 def _one_thread_each() -> None:

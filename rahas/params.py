@@ -156,7 +156,9 @@ class ResultReviewParams(StageParams):
     min_measured_share: float = Field(
         0.3, ge=0, le=1, description="measured points for a pixel on which the capture's stripes could be measured"
     )
-    max_ripple_rad: float = Field(0.05, gt=0, description="ripple left after debanding that is worth a warning, radians")
+    max_ripple_rad: float = Field(
+        0.05, gt=0, description="ripple left after debanding that is worth a warning, radians"
+    )
     depth_step_spacings: float = Field(
         8.0, gt=1, description="height between neighbours that parts two surfaces, in spacings of points"
     )

@@ -10,6 +10,7 @@ Snakemake's own metadata.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from rahas.stores.atomic import write_json
 from rahas.stores.digests import digest_of_json, manifest_of_folder
 from rahas.stores.field_log import Entry
 from rahas.stores.layout import ScanFolder
+from rahas.stores.plain_yaml import PlainYamlError, parse_plain_yaml
 from rahas.tasks.expedition import Expedition
 from rahas.tasks.pipeline import JOBS, STAGES, Job, Work, last_job
 
@@ -133,9 +135,20 @@ class Plan:
         return str((folder / f"{stem}.{number}").relative_to(self.expedition.root))
 
     def _render_key(self, entry: Entry) -> str:
-        spec = self.expedition.root / "config" / "simulation.yaml"
-        text = spec.read_text(encoding="utf-8") if spec.is_file() else ""
-        return digest_of_json({"spec": text, "scan": entry.scan_id, "code": self._code[SIMULATE_ENTRY]})
+        """Of the capture's own part of the simulation book: another capture's edit renders nothing anew."""
+        book = self._simulation_book
+        capture = book.get("captures", {}).get(entry.scan_id, {})
+        own = {"capture": capture, "setup": book.get("setups", {}).get(capture.get("setup"))}
+        return digest_of_json({"spec": own, "scan": entry.scan_id, "code": self._code[SIMULATE_ENTRY]})
+
+    @cached_property
+    def _simulation_book(self) -> dict[str, Any]:
+        path = self.expedition.root / "config" / "simulation.yaml"
+        try:
+            book, _ = parse_plain_yaml(path.read_bytes())
+        except (OSError, PlainYamlError):  # said in words by the job that renders
+            return {}
+        return book if isinstance(book, dict) else {}
 
 
 def row_of(entry: Entry) -> dict[str, Any]:

@@ -26,7 +26,8 @@ def run(x):
     "tasks/two.py": "from rahas.kernels.near import other\n\n\ndef run(x):\n    return other(x)\n",
     "kernels/near.py": "def useful(x, n):\n    return _inner(x) * n\n\n\ndef _inner(x):\n    return x\n\n\n"
     "def other(x):\n    return -x\n",
-    "kernels/far.py": "def away(x):\n    def deep():\n        from rahas.kernels.late import later\n\n        return later(x)\n\n    return deep()\n",
+    "kernels/far.py": "def away(x):\n    def deep():\n        from rahas.kernels.late import later\n\n"
+    "        return later(x)\n\n    return deep()\n",
     "kernels/late.py": "def later(x):\n    return x\n",
     "__init__.py": "",
     "kernels/__init__.py": "",

@@ -14,12 +14,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import cv2
+
 from rahas.simulate.capture import photo, stage
 from rahas.simulate.examples import example
 from rahas.simulate.roof import DIAMETER_MM, target_marks
 from rahas.simulate.specs import CaptureSpec
 from rahas.stores.digests import digest_of_file, digest_of_path, manifest_of_folder
-from rahas.stores.images import write_png
 from rahas.stores.video_writer import Encoding, write_frames
 
 PROJECT = Path(__file__).parents[2]
@@ -114,7 +115,9 @@ class Expedition:
 
     def digests(self, folder: str = "results") -> dict[str, str]:
         """Digest of every file below a folder, Snakemake's own stamps left out."""
-        return {name: digest for name, digest in manifest_of_folder(self.root / folder).items() if ".snakemake" not in name}
+        return {
+            name: digest for name, digest in manifest_of_folder(self.root / folder).items() if ".snakemake" not in name
+        }
 
     def copy(self, root: Path) -> Expedition:
         """A copy with the modification times of its files."""
@@ -142,7 +145,7 @@ def render_expedition(root: Path) -> None:
         staged = stage(capture)
         write_frames(root / "captures" / f"{scan_id}.mkv", staged.frames(), Encoding("ffv1"))
         if scan_id != "far":
-            write_png(root / "captures" / f"{scan_id}_texture.png", photo(staged))
+            cv2.imwrite(str(root / "captures" / f"{scan_id}_texture.png"), photo(staged)[..., ::-1])
     write_target(root / "config" / "target.csv")
     write_log(root, ROWS)
 
@@ -216,25 +219,15 @@ def assert_nothing_half_written(results: Path) -> None:
         assert len(body) % count == 0, ply
 
 
-def environment_of(pid: int) -> list[str]:
-    """Command line of a process; empty if it is gone."""
-    try:
-        return Path(f"/proc/{pid}/cmdline").read_bytes().decode(errors="replace").split("\0")
-    except OSError:
-        return []
-
-
-def jobs_running(root: Path) -> dict[int, list[str]]:
-    """Command line of each `rahas.cli job` process that works in the folder, by its pid."""
+def jobs_running(root: Path) -> dict[int, str]:
+    """The `rahas.cli job` processes that work in a folder: what each does, by its pid."""
     found = {}
-    for entry in Path("/proc").iterdir():
-        if not entry.name.isdigit():
-            continue
-        words = environment_of(int(entry.name))
+    for process in Path("/proc").glob("[0-9]*"):
         try:
-            inside = os.readlink(entry / "cwd") == str(root.resolve())
-        except OSError:
+            words = (process / "cmdline").read_bytes().decode(errors="replace").split("\0")
+            inside = os.readlink(process / "cwd") == str(root.resolve())
+        except OSError:  # it has just ended
             continue
-        if inside and "rahas.cli" in words and "job" in words and Path(words[0]).name.startswith("python"):
-            found[int(entry.name)] = words
+        if inside and "rahas.cli" in words and "job" in words:
+            found[int(process.name)] = " ".join(words[words.index("job") + 1 :][:2])
     return found

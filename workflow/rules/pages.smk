@@ -2,12 +2,13 @@
 
 
 rule summary:
-    message: "the expedition at a glance"
     input:
         PLAN.targets(),
     output:
         "results/index.html",
         "results/scans.csv",
+    message:
+        "the expedition at a glance"
     shell:
         "{RAHAS} summary {OPTIONS}"
 

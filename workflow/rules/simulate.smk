@@ -2,11 +2,12 @@
 
 
 rule simulate:
-    message: "{wildcards.scan}: rendering the capture"
     output:
         stamp="results/{scan}/provenance/render.{key}.{number}",
     threads: 1
     resources:
         mem_mb=1000,
+    message:
+        "{wildcards.scan}: rendering the capture"
     shell:
         "{RAHAS} simulate {wildcards.scan:q} --stamp {output.stamp:q}"
