@@ -6,11 +6,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from rahas.provenance.fingerprints import package_code
+from rahas.provenance.records import MADE, Recipe, Record, library_versions
 from rahas.report.closing import closing_lines
 from rahas.report.gallery import THUMBNAIL
 from rahas.report.pages import Card, render_index
 from rahas.report.table import scans_csv
 from rahas.stores.atomic import read_json, write_text
+from rahas.stores.digests import digest_of_bytes, digest_of_json
 from rahas.stores.field_log import Entry
 from rahas.stores.layout import ScanFolder
 
@@ -20,8 +23,19 @@ _COLUMNS = ("scan_id", "site", "subject", "date", "time", "decision", "role", "r
 def run(results: Path, entries: Sequence[Entry]) -> str:
     """Write the index and the table of all rows of the log; return the lines that close a run."""
     cards = [_card(ScanFolder(results, entry.scan_id), entry) for entry in entries]
-    write_text(results / "index.html", render_index(cards))
-    write_text(results / "scans.csv", scans_csv(cards))
+    made = {"index.html": render_index(cards), "scans.csv": scans_csv(cards)}
+    for name, text in made.items():
+        write_text(results / name, text)
+    recipe = Recipe(
+        stage="summary",
+        inputs={card.row["scan_id"]: digest_of_json([card.qa, card.thumbnail, card.link]) for card in cards},
+        columns={card.row["scan_id"]: dict(card.row) for card in cards},
+        params={},
+        code=package_code().fingerprint("rahas.tasks.summary:run"),
+        libraries=library_versions("jinja2"),
+    )
+    digests = {name: digest_of_bytes(text.encode()) for name, text in made.items()}
+    Record(recipe, MADE, digests).write(results / "expedition" / "provenance" / "summary.json")
     return closing_lines(cards)
 
 
