@@ -3,13 +3,17 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 BIN := .venv/bin
 CORES ?= 2
 
-.PHONY: run test lint bench lock clean
+.PHONY: run test faults lint bench accuracy lock clean
 
 run: .venv/ready
 	$(BIN)/snakemake --cores $(CORES)
 
 test: .venv/ready lint
 	$(BIN)/python -m pytest
+
+# The slow tests of kills and full disks.
+faults: .venv/ready
+	$(BIN)/python -m pytest -m faults
 
 lint: .venv/ready
 	$(BIN)/ruff check .
@@ -19,6 +23,10 @@ lint: .venv/ready
 
 bench: .venv/ready
 	$(BIN)/python -m tests.bench
+
+# About half an hour; writes docs/ACCURACY.md.
+accuracy: .venv/ready
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.accuracy --write
 
 .venv/ready: requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "Python 3.11 or newer is needed")'

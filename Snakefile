@@ -16,3 +16,4 @@ rule all:
     default_target: True
     input:
         PLAN.targets(),
+        rules.summary.output,

@@ -52,6 +52,7 @@ def _parser() -> argparse.ArgumentParser:
     why.set_defaults(run=_why)
 
     summary = commands.add_parser("summary", help="write results/index.html and scans.csv; print the closing lines")
+    summary.add_argument("--stamp", type=Path, help=argparse.SUPPRESS)
     _add_expedition(summary)
     summary.set_defaults(run=_summary)
 
@@ -102,9 +103,16 @@ def _why(options: argparse.Namespace) -> int:
 def _summary(options: argparse.Namespace) -> None:
     from rahas.tasks import summary
     from rahas.tasks.expedition import open_expedition
+    from rahas.tasks.plan import Plan, write_stamp
 
     expedition = open_expedition(options.expedition.resolve(), json.loads(options.options))
-    print(summary.run(expedition.results, expedition.entries), file=sys.stderr)
+    closing = summary.run(expedition.results, expedition.entries, unfinished=Plan(expedition).unfinished())
+    if options.stamp:  # one job of several: the lines come at the end
+        write_stamp(expedition.root / options.stamp, {"rows": len(expedition.entries)})
+        return
+    print(closing, file=sys.stderr)
+    if expedition.skipped:
+        print("Left out of the log by skip_bad_rows:", *expedition.skipped, sep="\n  ", file=sys.stderr)
 
 
 def _config(options: argparse.Namespace) -> None:

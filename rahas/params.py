@@ -98,8 +98,15 @@ class PhaseParams(StageParams):
         "least_squares: every frame at one step for the whole field; "
         "thesis: one period resampled to even steps, rows blanked at each stripe",
     )
+    max_label_residual_stripes: float = Field(
+        0.25,
+        gt=0,
+        lt=0.5,
+        description="how far the stripes of the first hold may lie beside the calibration's, before labels are in "
+        "doubt, stripes",
+    )
     joint_pixels: int = Field(
-        2500, ge=200, le=20000, description="pixels that take part in the joint solve of the steps"
+        1500, ge=200, le=20000, description="pixels that take part in the joint solve of the steps"
     )
     min_modulation_to_noise: float = Field(
         3.0, gt=0, description="stripe amplitude over the noise of a frame, below which nothing is measured"

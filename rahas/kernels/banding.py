@@ -9,7 +9,6 @@ for a whole field cannot follow relief.
 
 from __future__ import annotations
 
-from itertools import pairwise
 from typing import NamedTuple
 
 import cv2
@@ -21,6 +20,8 @@ ORDERS = 4
 _BINS = 16
 _BLOCK_PX = 4
 _STRIPS = 12
+_ZONES = 8
+_LEAST_STRIPS = 3
 _MIN_CELLS = 400
 _MIN_COVER = 0.6  # share of a window's weight on cells that are measured
 
@@ -37,7 +38,8 @@ class Banding(NamedTuple):
     ripple: FloatArray
     """(order,) rms amplitude over the field, rad."""
     ripple_std: FloatArray
-    """(order,) its standard deviation, from strips of the field left out in turn."""
+    """(order,) its standard deviation, from parts of the field left out in turn: strips of columns, then zones of
+    phase, for relief that runs along the stripes is the same in every strip, but ripple is there in every zone."""
 
 
 class Debanded(NamedTuple):
@@ -95,7 +97,7 @@ def banding_error(unwrapped_phase: AnyArray, banding: Banding) -> FloatArray:
 
 
 def measure_banding(unwrapped_phase: AnyArray) -> Banding | None:
-    """Fit the repeating error; ``None`` where less than two periods are measured."""
+    """Fit the repeating error; ``None`` where less than two periods, or too narrow a field, are measured."""
     grid = _projector_grid(unwrapped_phase)
     if grid is None:
         return None
@@ -124,19 +126,21 @@ def measure_banding(unwrapped_phase: AnyArray) -> Banding | None:
     values = above_window(relief)
     block, row = np.nonzero(usable)
     strip = (block * _STRIPS) // relief.shape[0]
+    zone = (np.searchsorted(np.sort(row), row) * _ZONES) // row.size
+    if len(np.unique(strip)) < _LEAST_STRIPS:
+        return None
     weight: FloatArray = np.ones(values.size)
     solution: FloatArray = np.zeros(4 * ORDERS)
     for _ in range(4):
-        normal, right = _by_strip(regressors, values, weight, strip)
+        normal, right = _by_part(regressors, values, weight, strip)
         solution = _solve(normal.sum(axis=0), right.sum(axis=0))
         residual = values - regressors @ solution
         limit = 4.7 * 1.4826 * float(np.median(np.abs(residual))) + 1e-9
         agreeing = np.clip(1.0 - (residual / limit) ** 2, 0.0, None) ** 2
         weight = np.asarray(agreeing / _local_power(residual, usable), dtype=np.float64)
-    present = np.nonzero(np.bincount(strip, minlength=_STRIPS))[0]
-    left_out = np.array([_solve(normal.sum(axis=0) - normal[s], right.sum(axis=0) - right[s]) for s in present])
-    spread = left_out - left_out.mean(axis=0)
-    variance = (len(present) - 1) / len(present) * np.sum(spread**2, axis=0)
+    variance = np.maximum(
+        _left_out_variance(normal, right), _left_out_variance(*_by_part(regressors, values, weight, zone))
+    )
     share = np.array([1.0, float(np.mean(place[row] ** 2))])  # mean square of 1 and of the place over the field
     power = _power(solution**2, share)
     noise = _power(variance, share)
@@ -201,17 +205,26 @@ def _local_power(residual: FloatArray, usable: BoolArray) -> FloatArray:
     return local
 
 
-def _by_strip(
-    regressors: FloatArray, values: FloatArray, weight: FloatArray, strip: AnyArray
+def _by_part(
+    regressors: FloatArray, values: FloatArray, weight: FloatArray, part: AnyArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Normal matrices (strip, p, p) and right sides (strip, p); the cells come strip by strip."""
-    edges = np.searchsorted(strip, np.arange(_STRIPS + 1))
+    """Normal matrices (part, p, p) and right sides (part, p) of the cells of each part of the field."""
     normal, right = [], []
-    for first, last in pairwise(edges):
-        weighted = regressors[first:last] * weight[first:last, None]
-        normal.append(weighted.T @ regressors[first:last])
-        right.append(weighted.T @ values[first:last])
+    for number in np.unique(part):
+        here = part == number
+        weighted = regressors[here] * weight[here, None]
+        normal.append(weighted.T @ regressors[here])
+        right.append(weighted.T @ values[here])
     return np.array(normal), np.array(right)
+
+
+def _left_out_variance(normal: FloatArray, right: FloatArray) -> FloatArray:
+    """Variance (p,) of the solution, from leaving out one part after the other (jackknife)."""
+    whole, whole_right = normal.sum(axis=0), right.sum(axis=0)
+    left_out = np.array([_solve(whole - n, whole_right - r) for n, r in zip(normal, right, strict=True)])
+    spread: FloatArray = left_out - left_out.mean(axis=0)
+    variance: FloatArray = (len(normal) - 1) / len(normal) * np.sum(spread**2, axis=0)
+    return variance
 
 
 def _solve(normal: FloatArray, right: FloatArray) -> FloatArray:

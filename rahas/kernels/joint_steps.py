@@ -4,29 +4,38 @@ The crank of this scanner tilts the projector, so one frame's step is not one nu
 slide coordinate v, that is with the unwrapped phase itself (never with the place in the image, where depth steps would
 break it). Per frame n and pixel p
 
-    I_pn = g_n·(a_p + b_p·w(φ_p + δ_pn)) + o_n,    δ_pn = Σ_k C_nk·P_k(v_p),    w(t) = cos t + Σ_h Re(κ_h e^{iht}),
+    I_pn = g_n·(a_p + b_p·w(φ_p + δ_pn)) + o_n,    δ_pn = Σ_k C_nk·P_k(v_p),
 
 with Legendre polynomials P_0…P_2 and C free per frame, so that a tilting projector, a translated slide and a pivot
-beside the projection centre are all in it, and stalls, slips and repeated frames are harmless. The waveform κ is one
-for all pixels and locked to the pattern. Gauss–Newton over {C, g, o, κ}; the pixels' own (a, b, φ) are eliminated
-(Schur complement). The steps of frames in the hold before the scan are zero: that fixes the gauge. Gain and offset
-(auto-exposure, flicker, ambient drift) have priors around 1 and 0 as wide as they turn out to scatter, for a gain that
-ripples with the step is hard to tell from a warped step.
+beside the projection centre are all in it, and stalls, slips and repeated frames are harmless. The waveform w is
+shared (:mod:`rahas.kernels.waveform`). Gauss–Newton over {C, g, o, w}; the pixels' own (a, b, φ) are projected out. The
+steps of frames in the hold before the scan are zero: that fixes the gauge. Gain and offset (auto-exposure, flicker,
+ambient drift) have priors around 1 and 0 as wide as they turn out to scatter, for a gain that ripples with the step is
+hard to tell from a warped step; a steady drift of either costs nothing. So has the displacement of the object in the
+image, where it is asked for. The terms P_1, P_2 have priors too, about any quadratic function of the step: what a
+tilting cam makes of them.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
+from rahas.kernels.displacement import frame_slopes
+from rahas.kernels.pixel_fit import PixelFit, fit_pixels
+from rahas.kernels.reduced_step import Prior, reduced_step, without_courses
+from rahas.kernels.waveform import Waveform, prior_weights, pure_cosine, waveform_columns
 from rahas.typing import AnyArray, BoolArray, FloatArray
 
 DEGREE = 2
-HARMONICS = (2, 3)
 OUTLIER_SIGMAS = 5.0
-PRIOR_START = 0.03  # standard deviation of the gain, and of the offset over the median background
-PRIOR_LEAST = 2e-4
+CONVERGED_RAD = 5e-4
+# standard deviations of the step's terms beyond the first (rad), the gain, the offset over the median background, and
+# the shift (px): at the start, and at the least
+PRIOR_START = np.r_[[0.3] * DEGREE, 0.03, 0.03, 0.3, 0.3]
+PRIOR_LEAST = np.r_[[1e-4] * DEGREE, 2e-4, 2e-4, 3e-3, 3e-3]
 
 
 class StepField(NamedTuple):
@@ -37,7 +46,8 @@ class StepField(NamedTuple):
     half_range: float  # radians, unwrapped phase range that maps to [−1, 1]
     gain: FloatArray  # (frame,), g, 1 on average
     offset: FloatArray  # (frame,), o, grey levels, 0 on average
-    waveform: AnyArray  # (len(HARMONICS),) complex, κ_2, κ_3
+    shift: FloatArray  # (frame, 2), px, displacement of the object in the image along x and y; 0 if not asked for
+    waveform: Waveform
     noise: float  # grey levels, robust standard deviation of the residuals
     inliers: float  # share of the pixels that follow the model in every frame
     last_change: float  # radians, largest change in the last iteration
@@ -46,24 +56,26 @@ class StepField(NamedTuple):
         """Steps (frame, *shape of unwrapped), radians."""
         return np.tensordot(self.coefficients, self.basis(unwrapped), axes=1)
 
+    def moved_back(self, carrier: FloatArray) -> StepField:
+        """The field of frames whose displacement was undone, which moved the carrier (2,) in radians per px."""
+        steps = self.coefficients.copy()
+        steps[:, 0] += self.shift @ carrier
+        return self._replace(coefficients=steps, shift=np.zeros_like(self.shift))
+
     def basis(self, unwrapped: AnyArray) -> FloatArray:
         """Legendre polynomials (DEGREE + 1, *shape), at unwrapped phases in radians."""
         scaled = (np.asarray(unwrapped, dtype=float) - self.centre) / self.half_range
         return np.moveaxis(np.polynomial.legendre.legvander(scaled, DEGREE), -1, 0)
 
 
-def waveform_of(t: FloatArray, kappa: AnyArray) -> tuple[FloatArray, FloatArray]:
-    """The waveform w and its derivative w′ at phases ``t`` in radians."""
-    value, slope = np.cos(t), -np.sin(t)
-    for harmonic, k in zip(HARMONICS, kappa, strict=True):
-        cosine, sine = np.cos(harmonic * t), np.sin(harmonic * t)
-        value = value + k.real * cosine - k.imag * sine
-        slope = slope - harmonic * (k.real * sine + k.imag * cosine)
-    return value, slope
-
-
 def solve_joint_steps(
-    levels: AnyArray, unwrapped: FloatArray, steps: FloatArray, held: BoolArray, *, iterations: int = 6
+    levels: AnyArray,
+    unwrapped: FloatArray,
+    steps: FloatArray,
+    held: BoolArray,
+    *,
+    slopes: FloatArray | None = None,
+    iterations: int = 8,
 ) -> StepField:
     """Refine the steps of all frames jointly, from pixels whose unwrapped phase is roughly known.
 
@@ -77,6 +89,9 @@ def solve_joint_steps(
         (frame,), radians, one number a frame, right to some tenths of a radian.
     held
         (frame,), frames whose step is zero by definition; at least one.
+    slopes
+        (2, 3, pixel), grey levels per px along x and y of the images a, b cos φ and −b sin φ: if given, the object's
+        displacement in each frame is found too.
     iterations
         At most so many; it stops when no step changes by more than 0.5 mrad.
 
@@ -85,148 +100,137 @@ def solve_joint_steps(
     ValueError
         No held frame, or too few pixels for the unknowns.
     """
-    levels = np.asarray(levels, dtype=np.float64)
+    levels = np.asarray(levels, dtype=np.float32)
     frames, pixels = levels.shape
     if not held.any() or pixels < 20 * (DEGREE + 1):
         raise ValueError(f"{held.sum() = }, {pixels = }: a held frame and {20 * (DEGREE + 1)} pixels are needed")
-    centre = float(0.5 * (unwrapped.min() + unwrapped.max()))
-    half_range = float(max(0.5 * np.ptp(unwrapped), np.pi))
-    coefficients = np.zeros((frames, DEGREE + 1))
-    coefficients[:, 0] = np.where(held, 0.0, steps)
-    gain, offset = np.ones(frames), np.zeros(frames)
-    kappa = np.zeros(len(HARMONICS), dtype=complex)
-    phase = np.array(unwrapped, dtype=float)
-    basis = np.polynomial.legendre.legvander((unwrapped - centre) / half_range, DEGREE)
-    noise = inliers = last_change = np.nan
-    for number in range(iterations):
-        delta = coefficients @ basis.T
-        own = _solve_pixels((levels - offset[:, None]) / gain[:, None], phase, delta, kappa)
-        phase = own.phase
-        noise = float(max(1.4826 * np.median(np.abs(own.residual)), 1e-3))
-        good = (np.abs(own.residual) < OUTLIER_SIGMAS * noise).all(axis=0) & (own.modulation > 0)
-        inliers = float(good.mean())
-        if inliers < 0.3:  # still far away: the worst third waits for the next round
-            worst = np.abs(own.residual).max(axis=0)
-            good = worst <= np.quantile(worst, 0.67)
-        own = own.only(good)
-        jacobian = np.concatenate(
-            [
-                (own.modulation * own.slope)[..., None] * basis[good] * ~held[:, None, None],
-                (own.background + own.modulation * own.value)[..., None],
-                np.ones((*own.value.shape, 1)),
-            ],
-            axis=-1,
-        )
-        level = float(np.median(own.background))
-        prior = np.array([np.std(gain), np.std(offset) / level]) if number else np.full(2, PRIOR_START)
-        prior = np.maximum(prior, PRIOR_LEAST) * [1.0, level]
-        weight = noise**2 / np.concatenate([np.full(DEGREE + 1, np.inf), prior**2])
-        mean = np.stack([*[np.zeros(frames)] * (DEGREE + 1), gain - 1.0, offset], axis=1)
-        harmonics = _harmonics(own.phase + delta[:, good], own.modulation)
-        change, kappa_change = _gauss_newton(own, jacobian, harmonics, weight, mean)
-        coefficients += change[:, : DEGREE + 1] * ~held[:, None]
-        gain = gain * (1.0 + change[:, DEGREE + 1])
-        offset = offset + gain * change[:, DEGREE + 2]
-        gain, offset = gain / gain.mean(), offset - offset.mean()
-        kappa = kappa + kappa_change
-        last_change = float(np.abs(change[~held, : DEGREE + 1]).max()) if not held.all() else 0.0
-        if last_change < 5e-4:
-            break
-    return StepField(coefficients, centre, half_range, gain, offset, kappa, noise, inliers, last_change)
-
-
-class _Pixels(NamedTuple):
-    """The pixels' own unknowns at known steps, and what they leave."""
-
-    phase: FloatArray  # (pixel,)
-    background: FloatArray  # (pixel,)
-    modulation: FloatArray  # (pixel,)
-    residual: FloatArray  # (frame, pixel)
-    value: FloatArray  # (frame, pixel), w
-    slope: FloatArray  # (frame, pixel), w′
-
-    def only(self, good: BoolArray) -> _Pixels:
-        return _Pixels(*(part[..., good] for part in self))
-
-
-def _solve_pixels(levels: FloatArray, phase: FloatArray, delta: FloatArray, kappa: AnyArray) -> _Pixels:
-    for _ in range(2):
-        value, slope = waveform_of(phase + delta, kappa)
-        background, modulation, turned = _three_unknowns(levels, value, slope)
-        phase = phase + np.where(modulation > 0, np.arctan2(turned, modulation), 0.0)
-    value, slope = waveform_of(phase + delta, kappa)
-    background, modulation, _ = _three_unknowns(levels, value, slope)
-    return _Pixels(phase, background, modulation, levels - background - modulation * value, value, slope)
-
-
-def _three_unknowns(levels: FloatArray, value: FloatArray, slope: FloatArray) -> tuple[FloatArray, ...]:
-    columns = (np.ones_like(value), value, slope)
-    normal = np.empty((levels.shape[1], 3, 3))
-    right = np.empty((levels.shape[1], 3))
-    for i in range(3):
-        right[:, i] = np.einsum("np,np->p", columns[i], levels)
-        for j in range(i, 3):
-            normal[:, i, j] = normal[:, j, i] = np.einsum("np,np->p", columns[i], columns[j])
-    solution = np.linalg.solve(normal, right[..., None])[..., 0]
-    return solution[:, 0], solution[:, 1], solution[:, 2]
-
-
-def _harmonics(t: FloatArray, modulation: FloatArray) -> FloatArray:
-    """Derivatives of the frames by Re and Im of each κ: (frame, pixel, 2·harmonics)."""
-    parts = [part for h in HARMONICS for part in (np.cos(h * t) * modulation, -np.sin(h * t) * modulation)]
-    return np.stack(parts, axis=-1)
-
-
-def _gauss_newton(
-    own: _Pixels, jacobian: FloatArray, harmonics: FloatArray, weight: FloatArray, mean: FloatArray
-) -> tuple[FloatArray, AnyArray]:
-    """One reduced step.
-
-    Parameters
-    ----------
-    jacobian
-        (frame, pixel, term), derivatives by the frame's own unknowns.
-    harmonics
-        (frame, pixel, 2·harmonics), derivatives by Re and Im of κ.
-    weight, mean
-        (term,) and (frame, term): weight of each unknown's prior (0: none), and its distance from the prior's mean.
-
-    Returns
-    -------
-    changes
-        (frame, term), and those of κ (complex).
-    """
-    frames, pixels, terms = jacobian.shape
-    extra = harmonics.shape[2]
-    count = frames * terms
-    normal = np.zeros((count + extra, count + extra))
-    blocks = np.matmul(jacobian.transpose(0, 2, 1), jacobian)
-    cross = np.matmul(jacobian.transpose(0, 2, 1), harmonics)
-    for n in range(frames):
-        here = slice(n * terms, (n + 1) * terms)
-        normal[here, here] = blocks[n]
-        normal[here, count:] = cross[n]
-        normal[count:, here] = cross[n].T
-    flat = harmonics.reshape(-1, extra)
-    normal[count:, count:] = flat.T @ flat
-    right = np.concatenate(
-        [np.matmul(jacobian.transpose(0, 2, 1), own.residual[..., None]).reshape(-1), flat.T @ own.residual.reshape(-1)]
+    terms = DEGREE + 1
+    field = StepField(
+        coefficients=np.column_stack([np.where(held, 0.0, steps), *[np.zeros(frames)] * DEGREE]),
+        centre=float(0.5 * (unwrapped.min() + unwrapped.max())),
+        half_range=max(0.5 * float(np.ptp(unwrapped)), np.pi),
+        gain=np.ones(frames),
+        offset=np.zeros(frames),
+        shift=np.zeros((frames, 2)),
+        waveform=pure_cosine(np.ones(1), np.ones(1)),
+        noise=np.nan,
+        inliers=np.nan,
+        last_change=np.nan,
     )
-    # the pixels' own unknowns, orthonormalised, then projected out
-    columns = np.stack([np.ones_like(own.value), own.value, own.slope], axis=-1).transpose(1, 0, 2)
-    orthonormal = np.linalg.qr(columns)[0].astype(np.float32)  # (pixel, frame, 3)
-    reduced = np.empty((pixels, 3, count + extra), dtype=np.float32)
-    per_frame = orthonormal.transpose(0, 2, 1)[..., None] * jacobian.transpose(1, 0, 2).astype(np.float32)[:, None]
-    reduced[..., :count] = per_frame.reshape(pixels, 3, count)
-    reduced[..., count:] = np.matmul(orthonormal.transpose(0, 2, 1), harmonics.transpose(1, 0, 2).astype(np.float32))
-    projected = np.einsum("pni,np->pi", orthonormal, own.residual).reshape(-1)
-    rows = reduced.reshape(-1, count + extra)
-    normal -= (rows.T @ rows).astype(np.float64)
-    right -= rows.T @ projected.astype(np.float32)
-    diagonal = np.einsum("ii->i", normal)
-    diagonal[:count] += np.tile(weight, frames)
-    right[:count] -= (weight * mean).reshape(-1)
-    diagonal += 1e-7 * np.median(diagonal[diagonal > 0])
-    solution = np.linalg.solve(normal, right)
-    kappa = solution[count:].reshape(-1, 2)
-    return solution[:count].reshape(frames, terms), kappa[:, 0] + 1j * kappa[:, 1]
+    basis = field.basis(unwrapped).astype(np.float32)
+    phase = np.asarray(unwrapped, dtype=np.float32)
+    background = modulation = np.ones(pixels, np.float32)
+    for number in range(iterations):
+        delta = field.coefficients.astype(np.float32) @ basis
+        kappa = field.waveform.at(background, modulation)
+        own = fit_pixels(_undone(levels, field, delta, slopes), phase, delta, kappa, rounds=1 if number else 2)
+        phase, background, modulation = own.phase, own.background, own.modulation
+        noise, good, inliers = _followers(own)
+        own = own.only(good)
+        if number == 0:
+            field = field._replace(waveform=pure_cosine(own.background, own.modulation))
+        level = float(np.median(own.background))
+        prior = _prior(field, noise, level, first=number == 0, shifting=slopes is not None)
+        columns = _columns(
+            field.waveform, delta[:, good], basis[:, good], held, slopes if slopes is None else slopes[..., good]
+        )
+        change, waveform_change = reduced_step(own, columns, prior)
+        change[held, :terms] = 0.0
+        field = _changed(field, change, waveform_change)._replace(
+            noise=noise, inliers=inliers, last_change=float(np.abs(change[:, :terms]).max())
+        )
+        if field.last_change < CONVERGED_RAD:
+            break
+    return field
+
+
+def _prior(field: StepField, noise: float, level: float, *, first: bool, shifting: bool) -> Prior:
+    """Priors as wide as the unknowns are seen to scatter about what they need no excuse for."""
+    frames, steps = len(field.gain), field.coefficients[:, 0]
+    motion = np.stack([steps, steps**2], axis=1) / max(float(np.abs(steps).max()), 1e-6) ** np.array([1.0, 2.0])
+    drift = (np.arange(frames) - 0.5 * (frames - 1))[:, None]
+    courses: list[FloatArray] = [motion] * DEGREE + [drift] * 2 + [np.zeros((frames, 0))] * 2
+    present = np.column_stack([field.coefficients[:, 1:], field.gain - 1.0, field.offset, field.shift])
+    unit = np.r_[np.ones(DEGREE), 1.0, level, 1.0, 1.0]
+    scatter = np.stack([without_courses(c) @ p for c, p in zip(courses, present.T, strict=True)], axis=1)
+    spread = PRIOR_START if first else np.maximum(np.std(scatter, axis=0) / unit, PRIOR_LEAST)
+    count = DEGREE + (4 if shifting else 2)
+    free = np.zeros((frames, 0))
+    return Prior(
+        np.r_[0.0, noise**2 / (spread * unit)[:count] ** 2],
+        np.column_stack([np.zeros(frames), present[:, :count]]),
+        [free, *courses[:count]],
+        noise**2 * prior_weights(),
+        field.waveform.unknowns(),
+    )
+
+
+def levelled(levels: FloatArray, field: StepField) -> FloatArray:
+    """Frames (frame, pixel) with gain and offset taken out."""
+    offset, gain = (np.asarray(part[:, None], np.float32) for part in (field.offset, field.gain))
+    flat: FloatArray = (levels - offset) / gain
+    return flat
+
+
+def _undone(levels: FloatArray, field: StepField, delta: FloatArray, slopes: FloatArray | None) -> FloatArray:
+    """Frames with gain, offset and displacement taken out."""
+    flat = levelled(levels, field)
+    if slopes is None:
+        return flat
+    for columns, shift in zip(frame_slopes(delta, slopes), field.shift.T, strict=True):
+        flat = flat - columns * shift[:, None].astype(np.float32)
+    return flat
+
+
+def _followers(own: PixelFit) -> tuple[float, BoolArray, float]:
+    """Noise, the pixels that follow the model in every frame, and their share."""
+    size = np.abs(own.residual)
+    noise = float(max(1.4826 * np.median(size), 1e-3))
+    worst = size.max(axis=0)
+    good = (worst < OUTLIER_SIGMAS * noise) & (own.modulation > 0)
+    share = float(good.mean())
+    if share < 0.3:  # still far away: the worst third waits for the next round
+        good = (worst <= np.quantile(worst, 0.67)) & (own.modulation > 0)
+    return noise, good, share
+
+
+def _columns(
+    waveform: Waveform, delta: FloatArray, basis: FloatArray, held: BoolArray, slopes: FloatArray | None
+) -> Callable[[PixelFit, slice], tuple[FloatArray, FloatArray]]:
+    """Derivatives of the frames by their own unknowns and by the shared ones, for a part of the pixels at a time."""
+
+    def columns(own: PixelFit, part: slice) -> tuple[FloatArray, FloatArray]:
+        by_frame = frame_columns(own, basis[:, part], held)
+        if slopes is not None:
+            shifting = frame_slopes(delta[:, part], slopes[..., part]).transpose(1, 2, 0)
+            by_frame = np.concatenate([by_frame, shifting], axis=-1)
+        terms = waveform.terms(own.background, own.modulation)
+        return by_frame, waveform_columns(own.phase + delta[:, part], own.modulation, terms)
+
+    return columns
+
+
+def frame_columns(own: PixelFit, basis: FloatArray, held: BoolArray) -> FloatArray:
+    """Derivatives of the frames by their own steps, gain and offset: (frame, pixel, term)."""
+    moving = (own.modulation * own.slope) * ~held[:, None]
+    columns = [moving * polynomial for polynomial in basis]
+    columns += [own.background + own.modulation * own.value, np.ones_like(own.value)]
+    return np.stack(columns, axis=-1, dtype=np.float32)
+
+
+def _changed(field: StepField, change: FloatArray, waveform_change: FloatArray) -> StepField:
+    steps, gain, offset, shift = (
+        change[:, : DEGREE + 1],
+        change[:, DEGREE + 1],
+        change[:, DEGREE + 2],
+        change[:, DEGREE + 3 :],
+    )
+    new_gain = field.gain * (1.0 + gain)
+    new_offset = field.offset + field.gain * offset
+    return field._replace(
+        coefficients=field.coefficients + steps,
+        gain=new_gain / new_gain.mean(),
+        offset=new_offset - new_offset.mean(),
+        shift=field.shift + (shift if shift.shape[1] else 0.0),
+        waveform=field.waveform.changed(waveform_change),
+    )

@@ -20,7 +20,7 @@ class Anchor(NamedTuple):
     residual_stripes: float | None  # median distance of the matched stripes, in stripes; None: the zero itself
 
 
-def order_of_first_snake(own: AnyArray | None, calibration: AnyArray | None, *, pitch_px: float) -> Anchor:
+def order_of_first_snake(own: AnyArray | None, calibration: AnyArray | None) -> Anchor:
     """Fringe order of snake 1, from stripe positions in the first hold.
 
     Parameters
@@ -28,8 +28,6 @@ def order_of_first_snake(own: AnyArray | None, calibration: AnyArray | None, *, 
     own, calibration
         (snake,), position of each labelled stripe across the stripes, pixels, NaN where not seen. ``None`` for a
         calibration, whose snake 1 is the zero.
-    pitch_px
-        Stripe spacing.
 
     Raises
     ------
@@ -43,8 +41,10 @@ def order_of_first_snake(own: AnyArray | None, calibration: AnyArray | None, *, 
         raise ValueError(f"no stripes to compare: {len(own_index) = }, {len(calibration_index) = }")
     # the calibration's labels as a smooth function of position carry over gaps and beyond its edge
     slope, offset = np.polyfit(calibration[calibration_index], calibration_index, 1)
+    in_order = np.argsort(calibration[calibration_index])
     curve = calibration_index - (slope * calibration[calibration_index] + offset)
-    label = slope * own[own_index] + offset + np.interp(own[own_index], calibration[calibration_index], curve)
+    own_curve = np.interp(own[own_index], calibration[calibration_index][in_order], curve[in_order])
+    label = slope * own[own_index] + offset + own_curve
     shift = label - own_index
     order = int(np.rint(np.median(shift)))
     return Anchor(order, float(np.median(np.abs(shift - order))))

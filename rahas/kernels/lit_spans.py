@@ -8,18 +8,18 @@ from __future__ import annotations
 
 import numpy as np
 
-from rahas.kernels.normal_sums import SUMS, Solution, solve_sums
-from rahas.typing import FloatArray
+from rahas.kernels.normal_sums import SUMS, solve_sums
+from rahas.typing import BoolArray, FloatArray
 
 CUTS = 24
 MARGIN = 2  # frames beside the cut: the edge needs a moment to cross a pixel
 CHUNK = 2048  # pixels
 
 
-def solve_lit_spans(
+def lit_spans(
     levels: FloatArray, delta: FloatArray, noise: FloatArray, *, min_arc: float, tolerance: float
-) -> Solution:
-    """Fit each pixel on its longest run of frames, from the first or to the last, that follows the model.
+) -> tuple[BoolArray, FloatArray]:
+    """Each pixel's longest run of frames, from the first or to the last, that follows a cosine.
 
     Parameters
     ----------
@@ -34,19 +34,22 @@ def solve_lit_spans(
 
     Returns
     -------
-    solution
-        Amplitudes 0 where no run follows the model.
+    used
+        (frame, pixel), nowhere true where no run follows the model.
+    phase
+        (pixel,), radians, of the cosine.
     """
     parts = [
-        _solve_chunk(levels[:, p : p + CHUNK], delta[:, p : p + CHUNK], noise[p : p + CHUNK], min_arc, tolerance)
+        _chunk(levels[:, p : p + CHUNK], delta[:, p : p + CHUNK], noise[p : p + CHUNK], min_arc, tolerance)
         for p in range(0, levels.shape[1], CHUNK)
     ]
-    return Solution(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    used, phases = zip(*parts, strict=True)
+    return np.concatenate(used, axis=1), np.concatenate(phases)
 
 
-def _solve_chunk(
+def _chunk(
     levels: FloatArray, delta: FloatArray, noise: FloatArray, min_arc: float, tolerance: float
-) -> Solution:
+) -> tuple[BoolArray, FloatArray]:
     frames, pixels = levels.shape
     cosine, sine = np.cos(delta), np.sin(delta)
     one = np.ones_like(cosine)
@@ -57,15 +60,13 @@ def _solve_chunk(
     sums = np.zeros((frames + 1, pixels, SUMS))
     for k, product in enumerate(products):
         np.cumsum(product, axis=0, out=sums[1:, :, k])
-    best = Solution(*(np.zeros(pixels) for _ in Solution._fields))
-    done = np.zeros(pixels, dtype=bool)
+    used, phase = np.zeros((frames, pixels), dtype=bool), np.zeros(pixels)
     lengths = np.unique(np.linspace(frames, frames * 0.3, CUTS).astype(int))[::-1]
     for length in lengths:
         for start, end in ((0, max(4, length - MARGIN)), (min(frames - 4, frames - length + MARGIN), frames)):
             found = solve_sums(sums[end] - sums[start])
             arc = np.ptp(delta[start:end], axis=0)
-            fits = ~done & (found.noise < tolerance * noise) & (arc >= min_arc)
-            for target, value in zip(best, found, strict=True):
-                target[fits] = value[fits]
-            done |= fits
-    return best
+            fits = ~used.any(axis=0) & (found.noise < tolerance * noise) & (arc >= min_arc)
+            used[start:end, fits] = True
+            phase[fits] = np.arctan2(-found.second[fits], found.first[fits])
+    return used, phase

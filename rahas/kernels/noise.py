@@ -82,14 +82,12 @@ def combined_noise(
     excess of moving over still frames there, it can hide anywhere, and is added at every level. Else the largest of
     the three counts, level by level.
 
-    Raises
-    ------
-    ValueError
-        None of the three is known.
+    Where none of the three is known (a frame of very few pixels), that of rounding alone.
     """
     known = [curve for curve in (still, moving, residual) if curve is not None]
     if not known:
-        raise ValueError("noise cannot be told: no two different frames, no fit")
+        rounding = np.full(2, np.sqrt(_QUANTISATION_VARIANCE))
+        return NoiseCurve(np.array([0.0, max(lit_level, 1.0)]), rounding)
     level = np.unique(np.concatenate([curve.level for curve in known]))
     largest = np.max([curve.at(level) for curve in known], axis=0)
     hidden = 0.0

@@ -1,4 +1,4 @@
-"""The three unknowns of a pixel, a + c·cos δ + s·sin δ, from sums over its frames."""
+"""Three unknowns of a pixel, a + x·f + y·g, from sums over its frames; f and g are cos δ and sin δ, or w and w′."""
 
 from __future__ import annotations
 
@@ -8,43 +8,45 @@ import numpy as np
 
 from rahas.typing import AnyArray, FloatArray
 
-SUMS = 10  # columns: Σ of 1, cos, sin, cos², cos·sin, sin², I, I·cos, I·sin, I²
+SUMS = 10  # Σ of 1, f, g, f², f·g, g², I, I·f, I·g, I²
 
 
-class Solution(NamedTuple):
+class PlaneFit(NamedTuple):
     """Each (pixel,)."""
 
-    background: FloatArray  # a, grey levels
-    cosine: FloatArray  # c = b cos φ, grey levels
-    sine: FloatArray  # s = −b sin φ, grey levels
+    level: FloatArray  # a, grey levels
+    first: FloatArray  # x, grey levels
+    second: FloatArray  # y, grey levels
     noise: FloatArray  # grey levels, standard deviation of the residuals
-    spread: FloatArray  # std of φ times b over noise, from the steps alone
+    second_variance: FloatArray  # variance of y for noise of variance 1
+    frames: FloatArray  # number of frames
 
 
-def solve_sums(sums: AnyArray) -> Solution:
-    """Solve the normal equations of each pixel; where the steps do not determine it, c = s = 0 and noise is infinite.
+def solve_sums(sums: AnyArray) -> PlaneFit:
+    """Solve the normal equations of each pixel; where the frames do not determine it, x = y = 0 and noise is infinite.
 
     Parameters
     ----------
     sums
-        (pixel, SUMS).
+        (pixel, SUMS) or wider.
     """
-    one, c, s, cc, cs, ss, i, ic, is_, ii = (sums[:, k].astype(np.float64) for k in range(SUMS))
-    one = np.maximum(one, 1.0)
+    one, f, g, ff, fg, gg, i, fi, gi, ii = (sums[:, k].astype(np.float64) for k in range(SUMS))
+    count, one = one, np.maximum(one, 1.0)
     # means removed: two unknowns are left
-    cc, cs, ss = cc - c * c / one, cs - c * s / one, ss - s * s / one
-    ic, is_ = ic - c * i / one, is_ - s * i / one
-    determinant = cc * ss - cs * cs
+    ff, fg, gg = ff - f * f / one, fg - f * g / one, gg - g * g / one
+    fi, gi = fi - f * i / one, gi - g * i / one
+    determinant = ff * gg - fg * fg
     good = determinant > 1e-3 * one * one
     safe = np.where(good, determinant, 1.0)
-    cosine = np.where(good, (ss * ic - cs * is_) / safe, 0.0)
-    sine = np.where(good, (cc * is_ - cs * ic) / safe, 0.0)
-    level = (i - cosine * c - sine * s) / one
-    left = ii - i * i / one - cosine * ic - sine * is_
+    first = np.where(good, (gg * fi - fg * gi) / safe, 0.0)
+    second = np.where(good, (ff * gi - fg * fi) / safe, 0.0)
+    left = ii - i * i / one - first * fi - second * gi
     noise = np.sqrt(np.maximum(left, 0.0) / np.maximum(one - 3.0, 1.0))
-    square = np.maximum(cosine**2 + sine**2, 1e-9)
-    # the inverse normal matrix across the phasor (c, s)
-    factor = (sine**2 * ss + cosine**2 * cc + 2.0 * sine * cosine * cs) / (safe * square)
-    return Solution(
-        level, cosine, sine, np.where(good, noise, np.inf), np.where(good, np.sqrt(np.maximum(factor, 0.0)), np.inf)
+    return PlaneFit(
+        (i - first * f - second * g) / one,
+        first,
+        second,
+        np.where(good, noise, np.inf),
+        np.where(good, ff / safe, np.inf),
+        count,
     )

@@ -72,7 +72,8 @@ def snake_mask_peak_psr(columns: Float32Array, rule: PeakRule) -> Peaks:
     y = np.full((nx, slots), np.nan, np.float32)
     count = np.zeros(nx, np.int32)
     _mask_and_peaks(columns, *rule, mask, y, count)
-    return Peaks(mask, y, count)
+    used = max(int(count.max(initial=0)), 1)
+    return Peaks(mask, np.ascontiguousarray(y[:, :used]), count)
 
 
 def collapse_slice(mask: ByteArray, x_mid: int, half_width_px: int) -> IntArray:
@@ -103,7 +104,7 @@ def find_collapse_peaks(collapsed: IntArray) -> BoolArray:
     return peaks
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _mask_and_peaks(
     columns: Float32Array,
     sidelobe: int,

@@ -1,33 +1,47 @@
 """Phase of the whole field at steps that vary over it: two passes over the frames, bounded memory.
 
-Each pixel's frames are fitted with a + c·cos δ + s·sin δ + (known harmonics), δ_pn from the pixel's own slide
-coordinate. The second pass knows the first one's solution: it adds the harmonics of the waveform and leaves out frames
-that do not follow the model (the pattern's edge has crossed the pixel, a shadow, a hand).
+The first pass fits a cosine to each pixel's frames. The second is a Gauss–Newton step from there with the waveform that
+belongs to the pixel's brightness; it leaves out frames that do not follow (a shadow, a hand, the sensor's limit).
+Pixels that the pattern's edge crosses are fitted apart, on the frames in which they are lit.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
+from typing import NamedTuple
 
-import numba
 import numpy as np
 
-from rahas.kernels.joint_steps import HARMONICS, StepField
-from rahas.kernels.lit_spans import solve_lit_spans
-from rahas.kernels.normal_sums import SUMS, Solution, solve_sums
+from rahas.kernels.field_sums import add_linear, add_refined
+from rahas.kernels.joint_steps import StepField
+from rahas.kernels.lit_spans import lit_spans
+from rahas.kernels.normal_sums import SUMS, solve_sums
 from rahas.kernels.phase_shifting import FringeMaps, wrap
+from rahas.kernels.pixel_fit import fit_pixels
 from rahas.typing import AnyArray, Float32Array, FloatArray
 
-TABLE_SIZE = 8192
-MIN_ARC = 0.75 * 2.0 * np.pi  # radians; less of a period does not hold a phase
+TURN = 2.0 * np.pi
+MIN_ARC = 0.75 * TURN  # radians; less of a period does not hold a phase
 REJECT_SIGMAS = 5.0
 REJECT_MODULATION = 0.2
 CROSSED = 2.5  # a pixel whose residual is so many times its neighbours' does not follow the model
 QUANTISATION = 0.3  # grey levels
 
+ReadBlocks = Callable[[], Iterable[AnyArray]]
+
+
+class _Fit(NamedTuple):
+    """Each (pixel,)."""
+
+    phase: FloatArray
+    background: FloatArray
+    modulation: FloatArray
+    noise: FloatArray
+    phase_std: FloatArray
+
 
 def solve_phase_field(
-    read_blocks: Callable[[], Iterable[AnyArray]], unwrapped: AnyArray, field: StepField
+    read_blocks: ReadBlocks, unwrapped: AnyArray, field: StepField, *, top_level: float = np.inf
 ) -> FringeMaps:
     """Fringe maps of the whole field; nothing is said (modulation 0) of a pixel that saw too short an arc.
 
@@ -39,6 +53,8 @@ def solve_phase_field(
         (y, x), radians, roughly known unwrapped phase of every pixel (it says where in the slide the pixel lies).
     field
         The steps.
+    top_level
+        Grey level from which on the sensor is saturated: such frames of a pixel are left out.
 
     Returns
     -------
@@ -46,57 +62,87 @@ def solve_phase_field(
         As from :class:`rahas.kernels.phase_shifting.HarmonicSums`.
     """
     basis = field.basis(unwrapped.reshape(-1)).astype(np.float32)
-    table = np.cos(2.0 * np.pi * np.arange(TABLE_SIZE + 2) / TABLE_SIZE).astype(np.float32)
-    per_frame = np.column_stack([field.coefficients, field.gain, field.offset]).astype(np.float32)
-    kappa = np.array([[k.real, k.imag] for k in field.waveform], np.float32)
-    solution, _ = _passage(read_blocks(), per_frame, basis, table, kappa, None)
-    noise = _expected_noise(solution)
-    crossed = np.flatnonzero(solution.noise > CROSSED * noise)
+    per_frame = np.vstack([field.coefficients.T / TURN, 1.0 / field.gain, field.offset]).astype(np.float32)
+    top = np.float32(top_level)
+    start = _first_pass(read_blocks(), per_frame, basis, top)
+    kappa = field.waveform.at(start.background, start.modulation)
+    expected = expected_noise(start.background, start.modulation, start.noise)
+    crossed = np.flatnonzero(start.noise > CROSSED * expected)
     series: list[AnyArray] = []
-    solution, arc = _passage(_keeping(read_blocks(), crossed, series), per_frame, basis, table, kappa, solution)
+    fit = _second_pass(_keeping(read_blocks(), crossed, series), per_frame, basis, top, start, kappa, field.noise)
     if len(crossed):
-        spans = solve_lit_spans(
-            (np.concatenate(series) - field.offset[:, None]) / field.gain[:, None],
-            field.coefficients @ basis[:, crossed],
-            noise[crossed],
-            min_arc=MIN_ARC,
-            tolerance=CROSSED,
-        )
-        for target, found in zip(solution, spans, strict=True):
+        levels = (np.concatenate(series) - field.offset[:, None]) / field.gain[:, None]
+        delta = field.coefficients @ basis[:, crossed]
+        apart = _fit_lit(levels, delta, kappa[:, crossed], expected[crossed])
+        for target, found in zip(fit, apart, strict=True):
             target[crossed] = found
-        arc[crossed] = np.inf
-    solution.cosine[arc < MIN_ARC] = 0.0
-    solution.sine[arc < MIN_ARC] = 0.0
-    return _maps(solution, unwrapped.shape)
+    return FringeMaps(
+        *(
+            np.ascontiguousarray(m.reshape(unwrapped.shape), dtype=np.float32)
+            for m in (wrap(fit.phase), fit.background, fit.modulation, fit.phase_std, fit.noise)
+        )
+    )
 
 
-def _passage(
+def _blocks_of_levels(blocks: Iterable[AnyArray], per_frame: Float32Array) -> Iterator[tuple[AnyArray, Float32Array]]:
+    """Each block as (frame, pixel) with the columns of its frames."""
+    start = 0
+    for block in blocks:
+        columns = np.ascontiguousarray(per_frame[:, start : start + len(block)])
+        yield np.ascontiguousarray(block.reshape(len(block), -1)), columns
+        start += len(block)
+
+
+def _first_pass(blocks: Iterable[AnyArray], per_frame: Float32Array, basis: Float32Array, top: np.float32) -> _Fit:
+    sums = np.zeros((basis.shape[1], SUMS + 1), np.float32)
+    for number, (levels, columns) in enumerate(_blocks_of_levels(blocks, per_frame)):
+        if number == 0:
+            sums[:, SUMS] = levels[0]  # taken off before summing: single precision then suffices
+        add_linear(levels, columns, basis, top, sums)
+    found = solve_sums(sums)
+    phase = np.arctan2(-found.second, found.first)
+    unknown = np.full_like(phase, np.inf)
+    return _Fit(phase, found.level + sums[:, SUMS], np.hypot(found.first, found.second), found.noise, unknown)
+
+
+def _second_pass(
     blocks: Iterable[AnyArray],
     per_frame: Float32Array,
     basis: Float32Array,
-    table: Float32Array,
-    kappa: Float32Array,
-    former: Solution | None,
-) -> tuple[Solution, Float32Array]:
-    """One pass over the frames: the solution, and the arc (pixel,) in radians that its frames span."""
+    top: np.float32,
+    start: _Fit,
+    kappa: AnyArray,
+    noise: float,
+) -> _Fit:
     pixels = basis.shape[1]
+    limit = REJECT_SIGMAS * np.minimum(start.noise, 2.0 * noise) + REJECT_MODULATION * start.modulation
+    known = np.column_stack(
+        [start.background, start.modulation, np.cos(start.phase), np.sin(start.phase), limit]
+    ).astype(np.float32)
+    parts = np.concatenate([kappa.real, kappa.imag]).astype(np.float32)
     sums = np.zeros((pixels, SUMS), np.float32)
-    arc = np.empty((pixels, 2), np.float32)
-    arc[:, 0], arc[:, 1] = np.inf, -np.inf
-    base = np.zeros(pixels, np.float32)  # taken off before summing: single precision then suffices
-    known = np.zeros((pixels, 4), np.float32)
-    if former is not None:
-        known[:] = np.stack([former.background, former.cosine, former.sine, former.noise], axis=1)
-    start = 0
-    for block in blocks:
-        levels = np.ascontiguousarray(block.reshape(len(block), -1))
-        if start == 0:
-            base[:] = levels[0]
-        here = per_frame[start : start + len(block)]
-        _accumulate(levels, here, basis, table, kappa, known, former is not None, base, sums, arc)
-        start += len(block)
-    solution = solve_sums(sums)
-    return solution._replace(background=solution.background + base), arc[:, 1] - arc[:, 0]
+    arc = np.full((pixels, 2), [np.inf, -np.inf], np.float32)
+    for levels, columns in _blocks_of_levels(blocks, per_frame):
+        add_refined(levels, columns, basis, top, known, parts, sums, arc)
+    found = solve_sums(sums)
+    held = (arc[:, 1] - arc[:, 0]) * TURN >= MIN_ARC
+    modulation = np.where(held, np.hypot(start.modulation + found.first, found.second), 0.0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        phase_std = np.where(modulation > 0, found.noise * np.sqrt(found.second_variance) / modulation, np.inf)
+    turned = np.arctan2(found.second, start.modulation + found.first)
+    return _Fit(start.phase + turned, start.background + found.level, modulation, found.noise, phase_std)
+
+
+def _fit_lit(levels: FloatArray, delta: FloatArray, kappa: AnyArray, noise: FloatArray) -> _Fit:
+    """Pixels (frame, pixel) that are lit in some of the frames only."""
+    used, phase = lit_spans(levels, delta, noise, min_arc=MIN_ARC, tolerance=CROSSED)
+    own = fit_pixels(levels, phase, delta, kappa, used=used)
+    frames = used.sum(axis=0)
+    lit = (frames > 3) & (own.modulation > 0)
+    left = np.sqrt(np.sum(own.residual**2, axis=0) / np.maximum(frames - 3, 1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        phase_std = np.where(lit, left * np.sqrt(own.phase_variance), np.inf)
+    return _Fit(own.phase, own.background, np.where(lit, own.modulation, 0.0), left, phase_std)
 
 
 def _keeping(blocks: Iterable[AnyArray], pixels: AnyArray, kept: list[AnyArray]) -> Iterator[AnyArray]:
@@ -107,82 +153,16 @@ def _keeping(blocks: Iterable[AnyArray], pixels: AnyArray, kept: list[AnyArray])
         yield block
 
 
-def _expected_noise(solution: Solution) -> FloatArray:
-    """Residual that a pixel in the light has, from the field's own pixels of like brightness. (pixel,), grey levels."""
-    known = np.isfinite(solution.noise) & (np.hypot(solution.cosine, solution.sine) > 3.0 * QUANTISATION)
-    expected = np.full(len(solution.noise), np.inf)
+def expected_noise(background: FloatArray, modulation: FloatArray, noise: FloatArray) -> FloatArray:
+    """Residual that a pixel in the light has, from pixels of like brightness; grey levels, any shape."""
+    known = np.isfinite(noise) & (modulation > 3.0 * QUANTISATION)
+    expected = np.full(noise.shape, np.inf)
     if known.sum() < 100:
         return expected
-    edges = np.quantile(solution.background[known], np.linspace(0.0, 1.0, 9))
-    bins = np.clip(np.searchsorted(edges, solution.background) - 1, 0, 7)
+    edges = np.quantile(background[known], np.linspace(0.0, 1.0, 9))
+    bins = np.clip(np.searchsorted(edges, background) - 1, 0, 7)
     for b in range(8):
         members = known & (bins == b)
         if members.any():
-            expected[bins == b] = max(QUANTISATION, float(np.median(solution.noise[members])))
+            expected[bins == b] = max(QUANTISATION, float(np.median(noise[members])))
     return expected
-
-
-def _maps(solution: Solution, shape: tuple[int, ...]) -> FringeMaps:
-    modulation = np.hypot(solution.cosine, solution.sine)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        phase_std = np.where(modulation > 0, solution.noise * solution.spread / modulation, np.inf)
-    wrapped = wrap(np.arctan2(-solution.sine, solution.cosine))
-    return FringeMaps(
-        *(
-            np.ascontiguousarray(m.reshape(shape), dtype=np.float32)
-            for m in (wrapped, solution.background, modulation, phase_std, solution.noise)
-        )
-    )
-
-
-@numba.njit(cache=True, fastmath=True)
-def _accumulate(pixels, per_frame, basis, table, kappa, solution, refine, base, sums, arc):  # type: ignore[no-untyped-def]
-    frames, count = pixels.shape
-    scale = np.float32(TABLE_SIZE / (2.0 * np.pi))
-    quarter = TABLE_SIZE // 4
-    mask = TABLE_SIZE - 1
-    for n in range(frames):
-        k0, k1, k2, offset = per_frame[n, 0], per_frame[n, 1], per_frame[n, 2], per_frame[n, 4]
-        lift = np.float32(1.0) / per_frame[n, 3]
-        for p in range(count):
-            level = (np.float32(pixels[n, p]) - offset) * lift
-            delta = k0 * basis[0, p] + k1 * basis[1, p] + k2 * basis[2, p]
-            place = delta * scale
-            low = np.floor(place)
-            part = place - low
-            index = np.int64(low)
-            at = index & mask
-            cosine = table[at] + part * (table[at + 1] - table[at])
-            at = (index - quarter) & mask  # sin t = cos(t − π/2)
-            sine = table[at] + part * (table[at + 1] - table[at])
-            if refine:
-                a, c, s, sigma = solution[p, 0], solution[p, 1], solution[p, 2], solution[p, 3]
-                modulation = np.sqrt(c * c + s * s)
-                if modulation > 0:
-                    # e^{i(φ+δ)} from the first pass: cos = (c cos δ + s sin δ)/b, sin = (c sin δ − s cos δ)/b
-                    co = (c * cosine + s * sine) / modulation
-                    si = (c * sine - s * cosine) / modulation
-                    c2, s2 = co * co - si * si, np.float32(2.0) * co * si
-                    c3, s3 = c2 * co - s2 * si, s2 * co + c2 * si
-                    level -= modulation * (kappa[0, 0] * c2 - kappa[0, 1] * s2 + kappa[1, 0] * c3 - kappa[1, 1] * s3)
-                    off = level - a - modulation * co
-                    if abs(off) > REJECT_SIGMAS * sigma + REJECT_MODULATION * modulation:
-                        continue
-            level -= base[p]
-            sums[p, 0] += 1.0
-            sums[p, 1] += cosine
-            sums[p, 2] += sine
-            sums[p, 3] += cosine * cosine
-            sums[p, 4] += cosine * sine
-            sums[p, 5] += sine * sine
-            sums[p, 6] += level
-            sums[p, 7] += level * cosine
-            sums[p, 8] += level * sine
-            sums[p, 9] += level * level
-            if delta < arc[p, 0]:
-                arc[p, 0] = delta
-            if delta > arc[p, 1]:
-                arc[p, 1] = delta
-
-
-assert HARMONICS == (2, 3)  # the loop above spells them out

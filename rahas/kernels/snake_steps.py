@@ -40,24 +40,21 @@ def steps_from_snakes(
         (frame,), radians, NaN where no snake could be compared: frame n shows cos(Φ + step).
     """
     use = np.arange(reference_y.shape[1]) if columns is None else np.asarray(columns)
-    found: list[list[AnyArray]] = [[] for _ in range(len(y))]
-    for x in use:
+    found = np.full((*y.shape[:2], len(use)), np.nan, np.float32)
+    for number, x in enumerate(use):
         known = reference_identity[:, x] > 0
         if known.sum() < 2:
             continue
         order = np.argsort(reference_y[known, x])
         rows_of_reference = reference_y[known, x][order]
-        turns_of_reference = reference_identity[known, x][order].astype(float) - 1.0
-        for n in range(len(y)):
-            seen = identity[n, :, x] > 0
-            rows_now, turns_now = y[n, seen, x], identity[n, seen, x] - 1.0
-            inside = (rows_now >= rows_of_reference[0]) & (rows_now <= rows_of_reference[-1])
-            if rows is not None:
-                inside &= (rows_now >= rows[0]) & (rows_now <= rows[1])
-            if inside.any():
-                here = np.interp(rows_now[inside], rows_of_reference, turns_of_reference)
-                found[n].append(turns_now[inside] - here)
-    return np.array([2.0 * np.pi * np.median(np.concatenate(f)) if f else np.nan for f in found])
+        turns_of_reference = reference_identity[known, x][order] - 1.0
+        rows_now = y[:, :, x]
+        here = np.interp(rows_now, rows_of_reference, turns_of_reference, left=np.nan, right=np.nan)
+        counts = identity[:, :, x] > 0
+        if rows is not None:
+            counts &= (rows_now >= rows[0]) & (rows_now <= rows[1])
+        found[:, :, number] = np.where(counts, identity[:, :, x] - 1.0 - here, np.nan)
+    return np.array([2.0 * np.pi * np.median(f[np.isfinite(f)]) if np.isfinite(f).any() else np.nan for f in found])
 
 
 def fill_missing_steps(steps: FloatArray) -> FloatArray:

@@ -18,6 +18,7 @@ from rahas.stores.digests import digest_of_json
 
 SCHEMA = 1
 
+MAKING = "making"  # being made, or its maker was killed: there is no artifact
 MADE = "made"
 PROBLEM = "problem"  # the capture cannot be used: ``reason`` says why
 WITHDRAWN = "withdrawn"  # made once, taken away again because the scan was rejected later on

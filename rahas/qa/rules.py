@@ -170,12 +170,13 @@ def _damage(damage: list[Any], timeline: Mapping[str, Any]) -> Findings:
         last = entry.get("last_frame") if entry.get("last_frame") is not None else first
         stage = None if first is None else _moving_stage(timeline, int(first), int(last if last is not None else first))
         place = "at an unknown place" if first is None else f"at frame {first}"
+        broken = None if first is None else int(last if last is not None else first) - int(first) + 1
         text = f"The video is damaged {place}: {entry.get('message', '')}".rstrip(" :.") + "."
         if stage is None:
-            warnings.append(finding("damaged", "damaged_frames", text, value=first, unit="frame"))
+            warnings.append(finding("damaged", "damaged_frames", text, value=broken, unit="frame"))
         else:
             text += f" This is during the {stage}. Copy the file from the camera's card again, or scan again."
-            reasons.append(finding("damaged", "damaged_frames", text, value=first, unit="frame"))
+            reasons.append(finding("damaged", "damaged_frames", text, value=broken, unit="frame"))
     return Findings(reasons[:3], warnings[:5])
 
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import cv2
 import numpy as np
 
+from rahas.kernels.interlacing import first_field_full_height
 from rahas.report.colours import INK, PAPER, Scale, bar_of, coloured
 from rahas.report.words import number
 
@@ -59,13 +60,7 @@ def grey_picture(frame: Any, levels: Levels) -> np.ndarray:
 def first_field(frame: Any, field_order: str) -> np.ndarray:
     """The moment that a frame (y, x) shows first: itself, or its first field brought to full height."""
     frame = np.asarray(frame)
-    if field_order == "progressive":
-        return frame
-    start = 1 if field_order == "bottom_first" else 0
-    field = np.ascontiguousarray(frame[start::2])
-    to_full_height = np.array([[1.0, 0.0, 0.0], [0.0, 2.0, float(start)]])
-    size = (frame.shape[1], frame.shape[0])
-    return cv2.warpAffine(field, to_full_height, size, flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return frame if field_order == "progressive" else first_field_full_height(frame[None], field_order)[0]
 
 
 def fitted(picture: np.ndarray, *, width: int = MAX_WIDTH_PX, height: int = MAX_HEIGHT_PX) -> np.ndarray:

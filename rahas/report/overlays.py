@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from rahas.kernels.unrotation import canvas_matrix
 from rahas.report.colours import identity_colour
 from rahas.report.figures import write
 
@@ -22,10 +23,7 @@ def unrotated(picture: np.ndarray, unrotation_deg: float) -> np.ndarray:
     if abs(unrotation_deg) < 1e-6:
         return picture.copy()
     height, width = picture.shape[:2]
-    centre = np.array([(width - 1) / 2.0, (height - 1) / 2.0])
-    angle = np.deg2rad(unrotation_deg)
-    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
-    matrix = np.column_stack([turn, centre - turn @ centre])
+    matrix = canvas_matrix(unrotation_deg, height=height, width=width)
     return cv2.warpAffine(picture, matrix, (width, height), flags=cv2.INTER_LINEAR, borderValue=(226, 231, 233))
 
 

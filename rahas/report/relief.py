@@ -7,30 +7,12 @@ from typing import Any
 import cv2
 import numpy as np
 
+from rahas.kernels.surface import normals_of_grid
 from rahas.report.colours import on_hatch
 
 _LIGHT = np.array([-0.55, 0.55, 0.63]) / np.linalg.norm([-0.55, 0.55, 0.63])
 _EXAGGERATION = 1.5
-
-
-def normals_of_grid(xyz: Any) -> np.ndarray:
-    """Unit normals (y, x, 3) of points on the camera's grid, towards +z; NaN where a neighbour is missing.
-
-    ``xyz`` is (y, x, 3) in mm; it is averaged over 3 × 3 pixels first, so that shading shows form and not noise.
-    """
-    points = np.asarray(xyz, dtype=np.float32)
-    measured = np.isfinite(points).all(axis=2)
-    weight = cv2.blur(measured.astype(np.float32), (3, 3))
-    total = cv2.blur(np.where(measured[..., None], points, np.float32(0)), (3, 3))
-    smooth = total / np.maximum(weight, 1e-6)[..., None]
-    smooth[~measured] = np.nan
-    along_x, along_y = np.full_like(smooth, np.nan), np.full_like(smooth, np.nan)
-    along_x[:, 1:-1] = smooth[:, 2:] - smooth[:, :-2]
-    along_y[1:-1] = smooth[:-2] - smooth[2:]
-    normals = np.cross(along_x, along_y)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        normals /= np.linalg.norm(normals, axis=2, keepdims=True)
-    return np.where(normals[..., 2:] < 0, -normals, normals)
+_TOWARDS_THE_CAMERA = np.array([0.0, 0.0, 1e4])  # mm
 
 
 def shading_of(normals: np.ndarray) -> np.ndarray:
@@ -51,7 +33,7 @@ def shading_of(normals: np.ndarray) -> np.ndarray:
 
 def relief_picture(xyz: Any) -> np.ndarray:
     """The surface as if cast in plaster, (y, x, 3) uint8; hatched where nothing was measured."""
-    shading = shading_of(normals_of_grid(xyz))
+    shading = shading_of(normals_of_grid(np.asarray(xyz, dtype=np.float64), _TOWARDS_THE_CAMERA, radius=1))
     measured = np.isfinite(shading)
     tone = np.where(measured, shading, 0.0)[..., None] * np.array([218.0, 232.0, 240.0])
     return on_hatch(tone.round().astype(np.uint8), measured)

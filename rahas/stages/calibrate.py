@@ -79,7 +79,9 @@ def calibrate(
             "hold the rig still, turn the crank slowly and evenly, and keep the target flat.",
         )
     warnings: list[str] = []
-    texture_camera, texture_residual = _texture_camera_of(photo, target, roof, params, warnings)
+    texture_camera, texture_residual = _texture_camera_of(
+        photo, target, roof, params, warnings, video_width_px=background.shape[1]
+    )
     residuals = {
         "marks_found": float(len(sighting.row)),
         "camera_rms_px": sighting.rms_px,
@@ -238,7 +240,13 @@ def _phase_on(dense: TargetPhaseFit) -> FloatArray:
 
 
 def _texture_camera_of(
-    photo: AnyArray | None, target: Target, roof: Roof, params: CalibrationParams, warnings: list[str]
+    photo: AnyArray | None,
+    target: Target,
+    roof: Roof,
+    params: CalibrationParams,
+    warnings: list[str],
+    *,
+    video_width_px: int,
 ) -> tuple[ImagingCamera | None, dict[str, float]]:
     if photo is None:
         return None, {}
@@ -256,8 +264,9 @@ def _texture_camera_of(
             f"The texture photo of the target cannot be used: {few}. Clouds take their grey from the video."
         )
         return None, {}
-    limit = params.max_camera_rms_px * photo.shape[1] / 720.0
-    if sighting.rms_px > max(limit, params.max_camera_rms_px):
+    # a photo is finer than the video: its limit grows with its pixels
+    limit = params.max_camera_rms_px * max(1.0, photo.shape[1] / video_width_px)
+    if sighting.rms_px > limit:
         warnings.append(
             f"The texture photo of the target cannot be used: its marks lie {sighting.rms_px:.2f} px (rms) off the "
             "camera model. Clouds take their grey from the video."

@@ -9,8 +9,10 @@ from typing import NamedTuple
 import numpy as np
 
 from rahas.errors import CaptureProblem
-from rahas.kernels.joint_steps import solve_joint_steps
-from rahas.kernels.phase_field import solve_phase_field
+from rahas.kernels.displacement import moved_back, slopes_at
+from rahas.kernels.joint_steps import StepField, levelled
+from rahas.kernels.noise_memory import phase_std_inflation
+from rahas.kernels.phase_field import expected_noise, solve_phase_field
 from rahas.kernels.phase_shifting import (
     TURN,
     FringeMaps,
@@ -18,10 +20,13 @@ from rahas.kernels.phase_shifting import (
     weights_of_even_resampling,
     weights_of_least_squares,
 )
+from rahas.kernels.pixel_fit import fit_pixels
 from rahas.kernels.sampling import evenly_spread, with_smooth_guess
 from rahas.kernels.snake_steps import fill_missing_steps, steps_from_snakes
+from rahas.kernels.steady_steps import solve_steady_steps
 from rahas.kernels.unwrapping import (
     UNKNOWN_ORDER,
+    Orders,
     blank_near_snakes,
     coarse_turns_from_snakes,
     grow_orders,
@@ -30,9 +35,11 @@ from rahas.kernels.unwrapping import (
 from rahas.params import PhaseParams
 from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameStack
 
-BLOCK = 32
+BLOCK = 16  # frames
 QUANTISATION = 0.3  # grey levels: standard deviation of rounding
 MIN_LABELLED = 500  # pixels
+MOST_SAMPLES = 600_000  # pixels times frames of the joint solve: long scans have fewer pixels, not more memory
+CENTRE = 8  # pixels: half the side of the patch that is the field's centre
 
 
 class ScanSnakes(NamedTuple):
@@ -54,6 +61,7 @@ class PhaseResult(NamedTuple):
     background: Float32Array
     modulation: Float32Array
     phase_std: Float32Array
+    chi2: Float32Array  # squared residual over that of pixels of like brightness
     quality: Float32Array
     steps: FloatArray  # (frame,) of the frames used, radians, first field
 
@@ -68,6 +76,7 @@ def solve(
     snakes: ScanSnakes,
     first_order: int,
     params: PhaseParams,
+    top_level: float = np.inf,
 ) -> PhaseResult:
     """Phase of every pixel at the reference slide position, the slide's place in frame ``first``.
 
@@ -85,6 +94,8 @@ def solve(
         Snake matrices; those of the scan's frames are ``first`` … ``last``.
     first_order
         Fringe order of the maximum that snake 1 lies on.
+    top_level
+        Grey level from which on the sensor is saturated: the joint method leaves such frames of a pixel out.
 
     Raises
     ------
@@ -92,6 +103,7 @@ def solve(
         The crank scanned too little for a phase.
     """
     steps = _steps(snakes, frames.shape[1], held)
+    snakes = snakes._replace(identity=snakes.identity[:0].copy(), y=snakes.y[:0].copy())  # of a long scan: 80 MB
     coarse = coarse_turns_from_snakes(
         snakes.reference_identity,
         snakes.reference_y,
@@ -101,7 +113,7 @@ def solve(
     )
     maps = _solve_fields(frames, first, steps, fields, _linear_field(params))
     if params.method == "joint":
-        order, _ = orders_from_coarse(maps.wrapped_phase, coarse, _measured(maps, params))
+        order, _ = _orders(maps, coarse, _measured(maps, params), params)
         labelled = order != UNKNOWN_ORDER
         if labelled.sum() < MIN_LABELLED:
             raise CaptureProblem(
@@ -114,18 +126,31 @@ def solve(
                 unit="pixel",
             )
         unwrapped = with_smooth_guess(maps.wrapped_phase + TURN * order, labelled)
+        solved: list[StepField] = []
+        held_frames = np.arange(len(steps)) < held
         maps = _solve_fields(
-            frames, first, steps, fields, _joint_field(maps, unwrapped, labelled, np.arange(len(steps)) < held, params)
+            frames,
+            first,
+            steps,
+            fields,
+            _joint_field(maps, unwrapped, labelled, held_frames, params, solved, top_level),
         )
+        steps = solved[0].steps_at(np.array([np.median(_centre(unwrapped))]))[:, 0]
     measured = _measured(maps, params)
-    order, confidence = orders_from_coarse(maps.wrapped_phase, coarse, measured)
+    order, confidence = _orders(maps, coarse, measured, params)
     if params.method == "thesis":
         order = blank_near_snakes(order, snakes.reference_identity, snakes.reference_y, params.thesis_blanked_rows)
-    else:
+    return _assembled(maps, order, confidence, measured, steps)
+
+
+def _orders(maps: FringeMaps, coarse: Float32Array, measured: BoolArray, params: PhaseParams) -> Orders:
+    """Orders by snakes and, but for the thesis, carried on to where no snake reaches."""
+    order, confidence = orders_from_coarse(maps.wrapped_phase, coarse, measured)
+    if params.method != "thesis":
         order = grow_orders(
             order, maps.wrapped_phase, measured, steps=params.growth_px, tolerance=params.growth_tolerance_rad
         )
-    return _assembled(maps, order, confidence, measured, steps)
+    return Orders(order, confidence)
 
 
 def _measured(maps: FringeMaps, params: PhaseParams) -> BoolArray:
@@ -185,18 +210,54 @@ def _linear_field(params: PhaseParams) -> Callable[[Callable[[], Iterator[AnyArr
 
 
 def _joint_field(
-    start: FringeMaps, unwrapped: Float32Array, labelled: BoolArray, held: BoolArray, params: PhaseParams
+    start: FringeMaps,
+    unwrapped: Float32Array,
+    labelled: BoolArray,
+    held: BoolArray,
+    params: PhaseParams,
+    solved: list[StepField],
+    top_level: float,
 ) -> Callable[[Callable[[], Iterator[AnyArray]], FloatArray, slice], FringeMaps]:
-    """Steps that vary over the field, solved jointly with the phase."""
+    """Steps that vary over the field, solved jointly with the phase; each field's are added to ``solved``."""
     steady = labelled & (start.phase_std < 4.0 * np.median(start.phase_std[labelled]))
 
     def solve_field(blocks: Callable[[], Iterator[AnyArray]], steps: FloatArray, rows: slice) -> FringeMaps:
-        chosen = evenly_spread(steady[rows], params.joint_pixels)
+        unclipped = start.background[rows] + start.modulation[rows] < top_level
+        chosen = evenly_spread(steady[rows] & unclipped, min(params.joint_pixels, MOST_SAMPLES // len(steps)))
         levels = np.concatenate([block[:, chosen[0], chosen[1]] for block in blocks()])
-        field = solve_joint_steps(levels, unwrapped[rows][chosen].astype(float), steps, held)
-        return solve_phase_field(blocks, unwrapped[rows], field)
+        slopes = slopes_at(start.background[rows], start.modulation[rows], start.wrapped_phase[rows], chosen)
+        field = solve_steady_steps(levels, unwrapped[rows][chosen].astype(float), steps, held, slopes)
+        shift, field = field.shift, field.moved_back(slopes.carrier)
+        if shift.any():
+            blocks = partial(_steadied, blocks, shift)
+            levels = np.concatenate([block[:, chosen[0], chosen[1]] for block in blocks()])
+        solved.append(field)
+        maps = solve_phase_field(blocks, unwrapped[rows], field, top_level=top_level)
+        sample = FringeMaps(*(part[chosen] for part in maps))
+        return maps._replace(phase_std=maps.phase_std * _inflation(levels, unwrapped[rows][chosen], sample, field))
 
     return solve_field
+
+
+def _inflation(levels: AnyArray, unwrapped: Float32Array, sample: FringeMaps, field: StepField) -> np.float32:
+    """What compression's lasting errors make of the phase's standard deviation, from some pixels (frame, pixel)."""
+    fit = fit_pixels(
+        levelled(levels.astype(np.float32), field),
+        sample.wrapped_phase,
+        field.steps_at(unwrapped).astype(np.float32),
+        field.waveform.at(sample.background, sample.modulation),
+    )
+    return np.float32(phase_std_inflation(fit.residual, fit.value, fit.slope))
+
+
+def _steadied(blocks: Callable[[], Iterator[AnyArray]], shift: FloatArray) -> Iterator[AnyArray]:
+    return moved_back(blocks(), shift)
+
+
+def _centre(field: AnyArray) -> AnyArray:
+    """The middle of a field (y, x)."""
+    y, x = field.shape[0] // 2, field.shape[1] // 2
+    return field[max(y - CENTRE, 0) : y + CENTRE, max(x - CENTRE, 0) : x + CENTRE]
 
 
 def _weights(steps: FloatArray, params: PhaseParams) -> tuple[FloatArray, FloatArray]:
@@ -228,6 +289,7 @@ def _assembled(
 ) -> PhaseResult:
     nothing = np.float32(np.nan)
     has_order = order != UNKNOWN_ORDER
+    expected = expected_noise(maps.background, maps.modulation, maps.residual_std)
     where: Callable[[AnyArray, BoolArray], Float32Array] = lambda a, m: np.where(m, a, nothing).astype(np.float32)  # noqa: E731
     unwrapped = maps.wrapped_phase + 2.0 * np.pi * order
     return PhaseResult(
@@ -238,6 +300,7 @@ def _assembled(
         background=maps.background,
         modulation=maps.modulation,
         phase_std=where(maps.phase_std, measured),
+        chi2=where((maps.residual_std / expected) ** 2, measured),
         quality=(0.5 * len(steps) * maps.modulation).astype(np.float32),
         steps=steps,
     )

@@ -25,7 +25,7 @@ from rahas.kernels.unrotation import canvas_columns
 from rahas.params import SnakesParams
 from rahas.typing import AnyArray, Float32Array, FrameStack
 
-_READ_FRAMES = 16
+_READ_FRAMES = 8
 _MIN_PREDICTED = 0.5
 """Prediction counts in a frame only where tracking bears it out at this share of the peaks at least."""
 
@@ -93,13 +93,24 @@ def tools_for(params: SnakesParams, *, envelope: LightEnvelope, average_px: int,
     )
 
 
-def seen(frame: AnyArray, angle: float, tools: Tools) -> tuple[Float32Array, Float32Array, Peaks, Chains]:
+class Sight(NamedTuple):
+    """What a frame shows by itself, whatever the frames before it showed."""
+
+    calm: Float32Array
+    """(y, x) balanced and smoothed."""
+    levels: Float32Array
+    """(y, x) the pattern alone."""
+    peaks: Peaks
+    chains: Chains
+
+
+def seen(frame: AnyArray, angle: float, tools: Tools) -> Sight:
     """A frame balanced and smoothed, its pattern levels, its peaks and their chains."""
     calm = smoothed(frame, median_px=tools.params.median_px, average_px=tools.average_px)
     calm = balanced(calm, tools.envelope)
     levels = pattern_levels(calm, tools.envelope)
     peaks = snake_mask_peak_psr(canvas_columns(levels, angle), tools.peaks)
-    return calm, levels, peaks, chains_of_peaks(peaks, reach_px=tools.chain_reach_px)
+    return Sight(calm, levels, peaks, chains_of_peaks(peaks, reach_px=tools.chain_reach_px))
 
 
 class Turn(NamedTuple):
@@ -114,15 +125,15 @@ class State(NamedTuple):
     prediction: Prediction
 
 
-def next_frame(frame: AnyArray, turn: Turn, state: State, tools: Tools) -> tuple[State, SnakeSet]:
+def next_frame(sight: Sight, turn: Turn, state: State, tools: Tools) -> tuple[State, SnakeSet]:
     """Track, let chains agree, drop what contradicts prediction or itself, grow, and check once more."""
     memory = state.memory
     snakes = memory.y.shape[0]
-    calm, levels, peaks, chains = seen(frame, turn.unrotation_deg, tools)
+    calm, levels, peaks, chains = sight
     tracked, motion = track_snakes(memory.y, peaks, wide_px=tools.wide_px, narrow_px=tools.narrow_px)
     prediction = predicted(state.prediction, levels, slide_angle_deg=turn.slide_angle_deg)
     expected = predicted_names(
-        prediction, peaks, unrotation_deg=turn.unrotation_deg, height=frame.shape[0], width=frame.shape[1]
+        prediction, peaks, unrotation_deg=turn.unrotation_deg, height=calm.shape[0], width=calm.shape[1]
     )
     if agreement(tracked, expected) < _MIN_PREDICTED:
         expected[:] = NO_NAME

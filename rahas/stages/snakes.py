@@ -29,6 +29,7 @@ from rahas.kernels.snakes import blank_snakes, rows_from_names
 from rahas.kernels.stripe_count import StripeCount, find_num_snakes
 from rahas.kernels.unrotation import canvas_columns, canvas_matrix, unrotation_deg_from_slide_angle
 from rahas.params import SnakesParams
+from rahas.stages.ahead import ahead
 from rahas.stages.snake_frames import FrameReader, State, Tools, Turn, next_frame, seen, tools_for
 from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameStack
 
@@ -153,8 +154,9 @@ def track(
     average_px = max(_FIRST_AVERAGE_PX, 2 * round(params.average_pitches * stripes.pitch_px / 2) + 1)
     envelope = _envelope(reader, timeline, params, average_px, _ENVELOPE_FRAMES)
     tools = tools_for(params, envelope=envelope, average_px=average_px, pitch_px=stripes.pitch_px)
-    _, _, peaks, chains = seen(mean, angle, tools)
-    names = first_names(peaks, chains, pitch_px=stripes.pitch_px)
+    first = seen(mean, angle, tools)
+    peaks = first.peaks
+    names = first_names(peaks, first.chains, pitch_px=stripes.pitch_px)
     count = int(names.max(initial=0))
     if count < _MIN_STRIPES:
         raise _no_stripes(count)
@@ -237,14 +239,16 @@ def _blocks(
     labelled = int(np.isfinite(rows).sum())
     state = State(memory_of_rows(rows), prediction)
     kept = 0.0
+    shown = timeline.lit & np.isfinite(unrotation)
+    sights = ahead(lambda n: seen(reader.frame(n), float(unrotation[n]), tools), np.flatnonzero(shown).tolist())
     for first in range(0, reader.count, BLOCK_FRAMES):
         sets = []
         for n in range(first, min(first + BLOCK_FRAMES, reader.count)):
-            if not timeline.lit[n] or not np.isfinite(unrotation[n]):
+            if not shown[n]:
                 sets.append(blank_snakes(snakes, width))
                 continue
             turn = Turn(float(unrotation[n]), float(timeline.slide_angle_deg[n]))
-            state, one = next_frame(reader.frame(n), turn, state, tools)
+            state, one = next_frame(next(sights), turn, state, tools)
             sets.append(one)
             if timeline.second_hold[0] <= n <= timeline.second_hold[1]:
                 kept = max(kept, np.count_nonzero(one.identity) / labelled)

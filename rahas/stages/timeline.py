@@ -19,8 +19,6 @@ from rahas.stages.timeline_rotation import Rotation, find_rotation
 from rahas.stages.timeline_scan import Scan, find_scan
 from rahas.typing import FloatArray, FrameStack
 
-THUMBNAIL_SCALE = 1 / 64
-"""Grey levels a unit of a stored thumbnail."""
 TRANSIENT_S = 0.3
 """Swings of angle or step (a jolt of the rig) shorter than half of this do not move a border."""
 
@@ -53,20 +51,28 @@ class Timeline(NamedTuple):
 
 
 def find_timeline(
-    thumbnails: FrameStack, *, time_s: FloatArray, change: FloatArray, frame_rate: float, params: TimelineParams
+    thumbnails: FrameStack,
+    *,
+    time_s: FloatArray,
+    change: FloatArray,
+    frame_rate: float,
+    params: TimelineParams,
+    thumbnail_scale: float = 1 / 64,
 ) -> Timeline:
     """Timeline of a capture.
 
     Parameters
     ----------
     thumbnails
-        (frame, y, x) uint16, mean over 4 × 4 pixels times 64; interlaced: of each frame's first field.
+        (frame, y, x) uint16, mean over 4 × 4 pixels over ``thumbnail_scale``; interlaced: of each frame's first field.
     time_s
         (frame) presentation times.
     change
         (frame) mean absolute difference from the frame before, whole frames, grey levels: 0 only for an exact repeat.
     frame_rate
         Frames a second.
+    thumbnail_scale
+        Grey levels a unit of a thumbnail.
 
     Raises
     ------
@@ -76,9 +82,9 @@ def find_timeline(
     stack = _in_memory(thumbnails)
     rate = frame_rate if np.isfinite(frame_rate) and frame_rate > 0 else 30.0
     median_frames = 2 * max(1, round(rate * TRANSIENT_S / 2)) + 1
-    overview = look_over(stack, scale=THUMBNAIL_SCALE)
+    overview = look_over(stack, scale=thumbnail_scale)
     scan = find_scan(
-        stack, overview, threshold_rad=params.scan_threshold_rad, median_frames=median_frames, scale=THUMBNAIL_SCALE
+        stack, overview, threshold_rad=params.scan_threshold_rad, median_frames=median_frames, scale=thumbnail_scale
     )
     rotation = find_rotation(
         stack,
@@ -86,7 +92,7 @@ def find_timeline(
         scan,
         threshold_deg=params.rotation_threshold_deg,
         median_frames=median_frames,
-        scale=THUMBNAIL_SCALE,
+        scale=thumbnail_scale,
     )
     frames = stack.shape[0]
     intervals = _intervals(frames, overview.lit_first, overview.lit_last, rotation, scan)
@@ -116,7 +122,7 @@ def find_timeline(
     )
 
 
-IN_MEMORY_BYTES = 100_000_000
+IN_MEMORY_BYTES = 40_000_000
 """Thumbnails up to this size are read once; larger ones are read block by block in each pass."""
 
 

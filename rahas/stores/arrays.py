@@ -20,6 +20,9 @@ from zarr.codecs import BloscCodec, Crc32cCodec
 from rahas.stores.atomic import replacing
 from rahas.stores.digests import MANIFEST_NAME, manifest_of_folder
 
+# As many threads as a machine has cores would each hold chunks of their own: memory of a job is to be bounded.
+zarr.config.set({"threading.max_workers": 2, "async.concurrency": 4})
+
 
 class StoreIncomplete(Exception):
     """The store's writer did not finish, or the manifest is gone."""

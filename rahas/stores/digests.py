@@ -42,8 +42,9 @@ def manifest_of_folder(folder: Path) -> dict[str, str]:
 
 
 def digest_of_path(path: Path) -> str:
-    """Digest of a file, or of a folder through its manifest (a store's own where it has one)."""
+    """Digest of a file, of a store through its own manifest, or of any other folder through one made now."""
     if not path.is_dir():
         return digest_of_file(path)
     manifest = path / MANIFEST_NAME
-    return digest_of_file(manifest) if manifest.is_file() else digest_of_json(manifest_of_folder(path))
+    is_store = path.suffix == ".zarr" and manifest.is_file()
+    return digest_of_file(manifest) if is_store else digest_of_json(manifest_of_folder(path))

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +28,10 @@ class Expedition:
     skipped: tuple[str, ...] = ()
     include_rejected: frozenset[str] = field(default_factory=frozenset)
 
+    @cached_property
+    def _by_id(self) -> dict[str, Entry]:
+        return {entry.scan_id: entry for entry in self.entries}
+
     @property
     def results(self) -> Path:
         return self.root / "results"
@@ -46,10 +52,9 @@ class Expedition:
         ExpeditionError
             The log has no such row.
         """
-        for entry in self.entries:
-            if entry.scan_id == scan_id:
-                return entry
-        raise ExpeditionError(f"field_log.csv: no row with scan_id {scan_id!r}")
+        if scan_id not in self._by_id:
+            raise ExpeditionError(f"field_log.csv: no row with scan_id {scan_id!r}")
+        return self._by_id[scan_id]
 
     def scan(self, scan_id: str) -> ScanFolder:
         return ScanFolder(self.results, scan_id)
@@ -80,6 +85,16 @@ def open_expedition(root: Path, options: Mapping[str, Any] | None = None) -> Exp
     if strangers:
         raise ExpeditionError(f"--config include_rejected: {strangers[0]!r} is no scan_id of field_log.csv")
     return Expedition(root, read_config(root), log.entries, log.skipped, included)
+
+
+def check_writable(expedition: Expedition) -> None:
+    """Raise ExpeditionError where results/, or a scan's folder in it, is there and may not be written."""
+    scans = (expedition.scan(entry.scan_id) for entry in expedition.entries)
+    for folder in (expedition.results, *(place for scan in scans for place in (scan.path, scan.records))):
+        if folder.exists() and not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
+            found = "no permission to write there" if folder.is_dir() else "a file of that name"
+            shown = folder.relative_to(expedition.root)
+            raise ExpeditionError(f"{shown}: found {found}, expected a folder that results can be written into")
 
 
 def _switch(name: str, value: Any) -> bool:

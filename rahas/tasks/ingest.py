@@ -42,7 +42,9 @@ def _store_capture(source: Capture, store: StoreWriter, spool: Spool) -> None:
             depth = 8 if block.dtype.itemsize == 1 else source.bit_depth
             measured = measure_block(block, last, bit_depth=depth)
             spool.append(measured.thumbnails)
-            measures.append(measured._replace(thumbnails=measured.thumbnails[:, :0]))
+            measures.append(
+                measured._replace(thumbnails=measured.thumbnails[:, :0].copy())
+            )  # no view: it would keep all
             last = block[-1]
     facts = source.facts()
     whole = join_measures(

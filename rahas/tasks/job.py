@@ -26,16 +26,17 @@ def run(expedition: Expedition, job_name: str, scan_id: str, stamp: Path) -> Non
         for folder in (scan.path, scan.records, scan.capture_review.parent, scan.figures):
             sweep(folder)
         maker = Maker(work)
-        problem = None
+        problem, rejected = None, False
         if expedition.is_processed(work.entry):
             try:
                 maker.make(job.target)
             except Rejected as rejection:
                 maker.withdraw_after(rejection)
-                problem = rejection.reason
+                problem, rejected = rejection.reason, True
         else:
             maker.withdraw(tuple(STAGES))
-        _write_verdict(work, problem)
+        if job.is_last or rejected:  # a scan on its way has no verdict yet
+            _write_verdict(work, problem)
         if job.is_last:
             _write_page(work)
         write_stamp(stamp, Plan(expedition).recipe(job_name, scan_id))
@@ -80,7 +81,7 @@ def _write_page(work: Work) -> None:
         libraries=library_versions("jinja2", "opencv-python-headless"),
     )
     former = read_record(path)
-    if former is not None and former.recipe.key == recipe.key and scan.report.exists():
+    if former is not None and former.recipe.key == recipe.key and scan.report.exists() and scan.figures.exists():
         return
     page.run(scan, entry=work.entry, calibration=calibration)
     outputs = {p.name: digest_of_path(p) for p in (scan.report, scan.figures) if p.exists()}

@@ -11,10 +11,10 @@ from typing import Any
 
 from rahas.errors import CaptureProblem
 from rahas.provenance.fingerprints import package_code
-from rahas.provenance.records import MADE, PROBLEM, WITHDRAWN, Recipe, Record, library_versions, read_record
+from rahas.provenance.records import MADE, MAKING, PROBLEM, WITHDRAWN, Recipe, Record, library_versions, read_record
 from rahas.stores.atomic import read_json, remove
 from rahas.stores.digests import digest_of_json, digest_of_path
-from rahas.tasks.pipeline import GATES, STAGES, WITHDRAWN_BY_CAPTURE, WITHDRAWN_WHEN_REJECTED, Stage, Work
+from rahas.tasks.pipeline import GATES, STAGES, Stage, Work, withdrawn_by
 
 
 class Rejected(Exception):
@@ -42,10 +42,11 @@ class Maker:
         Rejected
             The stage, or one before it, found that the capture cannot be used, or a gate said so.
         """
+        files = files or name in GATES  # a gate's file is read here
         if (name, files) in self._done:
             return
         stage = STAGES[name]
-        for need in stage.needs:
+        for need in (*stage.needs, *stage.gates):
             self.make(need, files=False)
         recipe = self.recipe(stage)
         record = self.record(name)
@@ -74,7 +75,7 @@ class Maker:
         if stage.borrows and self.work.entry.role != "calibration":
             calibration = self.work.calibration
             borrowed = read_record(calibration.records / f"{stage.borrows}.json") if calibration else None
-            inputs["calibration"] = _digest_of_record(borrowed)
+            inputs["calibration"] = f"{borrowed.outcome if borrowed else 'none'} {_digest_of_record(borrowed)}"
         return Recipe(
             stage=stage.name,
             inputs=inputs,
@@ -95,20 +96,19 @@ class Maker:
 
     def withdraw_after(self, rejection: Rejected) -> None:
         """Take away what a scan rejected there does not keep."""
-        by_capture = rejection.stage in ("ingest", "timeline", "review_capture")
-        self.withdraw(WITHDRAWN_BY_CAPTURE if by_capture else WITHDRAWN_WHEN_REJECTED)
+        self.withdraw(withdrawn_by(rejection.stage))
 
     def _holds(self, stage: Stage, record: Record, files: bool) -> bool:
         if record.outcome == PROBLEM:
             raise Rejected(stage.name, record.reason)
         if record.outcome == WITHDRAWN:
             return not files
-        return all(path.exists() for path in stage.outputs(self.scan))
+        return record.outcome == MADE and stage.lies_there(self.scan)
 
     def _compute(self, stage: Stage, recipe: Recipe) -> None:
         started = time.perf_counter()
         record_path = self._record_path(stage.name)
-        record_path.unlink(missing_ok=True)
+        Record(recipe, MAKING).write(record_path)
         module, _, function = stage.entry.partition(":")
         try:
             arguments = stage.arguments(self.work)

@@ -6,10 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from rahas.kernels.exposure import sensor_limits
 from rahas.kernels.interlacing import fields
-from rahas.kernels.label_anchor import order_of_first_snake
+from rahas.kernels.label_anchor import Anchor
 from rahas.params import PhaseParams
 from rahas.stages import phase
+from rahas.stages.anchor import anchor_labels
 from rahas.stores.arrays import open_store, writing_store
 from rahas.stores.atomic import read_json
 from rahas.stores.layout import ScanFolder
@@ -23,6 +25,7 @@ MAPS: dict[str, dict[str, Any]] = {
     "background": {"long_name": "stripe-free image a", "units": "grey level"},
     "modulation": {"long_name": "stripe amplitude b", "units": "grey level"},
     "phase_std": {"long_name": "standard deviation of the phase", "units": "rad"},
+    "chi2": {"long_name": "squared residual over that of pixels of like brightness", "units": "1"},
     "quality": {"long_name": "quality Q of the thesis, eq. 3.19", "units": "grey level"},
 }
 
@@ -33,7 +36,7 @@ def run(scan: ScanFolder, *, calibration: ScanFolder | None, params: PhaseParams
     timeline = Intervals(read_json(scan.timeline))
     held, last = timeline.held_frames, timeline.scan["last"]
     first = held.start
-    anchor = _anchor(scan, calibration)
+    anchor = _anchor(scan, calibration, params)
     result = phase.solve(
         frames["frames"],
         first=first,
@@ -48,6 +51,7 @@ def run(scan: ScanFolder, *, calibration: ScanFolder | None, params: PhaseParams
         ),
         first_order=anchor.order,
         params=params,
+        top_level=_top_level(frames, first, last),
     )
     steps = np.full(frames["frames"].shape[0], np.nan)
     steps[first : first + len(result.steps)] = result.steps
@@ -63,11 +67,16 @@ def run(scan: ScanFolder, *, calibration: ScanFolder | None, params: PhaseParams
         store.put("phase_step", ("frame",), steps, long_name="phase step at the field's centre", units="rad")
 
 
-def _anchor(scan: ScanFolder, calibration: ScanFolder | None) -> Any:
-    own = open_store(scan.snakes)
+def _top_level(frames: Any, first: int, last: int) -> float:
+    """Grey level of a frame from which on the sensor is saturated, a codec's ringing allowed for."""
+    samples = np.stack([frames["frames"][n] for n in np.linspace(first, last, 4).astype(int)])
+    depth = int(frames.attrs["bit_depth"])
+    limits = sensor_limits(samples, bit_depth=depth, luma_range=str(frames.attrs.get("luma_range", "unknown")))
+    return limits.top - 2.0 ** (depth - 8)
+
+
+def _anchor(scan: ScanFolder, calibration: ScanFolder | None, params: PhaseParams) -> Anchor:
     if calibration is None:
-        return order_of_first_snake(None, None, pitch_px=float(own.attrs["pitch_px"]))
-    theirs = open_store(calibration.snakes)
-    return order_of_first_snake(
-        own["first_positions_px"][:], theirs["first_positions_px"][:], pitch_px=float(own.attrs["pitch_px"])
-    )
+        return anchor_labels(None, None, params)
+    own, theirs = open_store(scan.snakes), open_store(calibration.snakes)
+    return anchor_labels(own["first_positions_px"][:], theirs["first_positions_px"][:], params)

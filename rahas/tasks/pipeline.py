@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from rahas.errors import CaptureProblem
 from rahas.provenance.records import MADE, read_record
+from rahas.stores.digests import MANIFEST_NAME
 from rahas.stores.field_log import Entry
 from rahas.stores.layout import ScanFolder
 from rahas.tasks.expedition import Expedition
@@ -53,7 +54,9 @@ class Work:
             )
         record = read_record(self.calibration.records / f"{stage}.json")
         if record is None or record.outcome != MADE:
-            why = record.reason["message"] if record is not None and record.reason else "it was rejected"
+            why = "it was rejected, its own page says why"
+            if record is not None and record.reason:
+                why = record.reason["message"]
             raise CaptureProblem(
                 "calibration",
                 "calibration",
@@ -113,17 +116,27 @@ class Stage:
     name: str
     entry: str  # module:function, imported only when it is run
     needs: tuple[str, ...]  # stages of the same scan whose artifacts it reads
+    gates: tuple[str, ...] = field(default=(), kw_only=True)  # stages that must let the scan through first
     outputs: Callable[[ScanFolder], tuple[Path, ...]]
     arguments: Callable[[Work], dict[str, Any]]
     section: str | None = None  # of the configuration
+    also_reads: tuple[str, ...] = ()  # further sections
     columns: tuple[str, ...] = ()  # of the log row
     files: Callable[[Work], Mapping[str, Path | None]] = lambda work: {}  # raw files that it reads
     borrows: str | None = None  # stage of the calibration whose artifacts it reads
     libraries: tuple[str, ...] = ("numpy",)
 
     def params(self, work: Work) -> dict[str, Any]:
-        """The parameters that it reads, as plain values."""
-        return getattr(work.expedition.config, self.section).model_dump(mode="json") if self.section else {}
+        """The parameters that it reads, as plain values; those of further sections below the section's name."""
+        config = work.expedition.config.model_dump(mode="json")
+        own = config[self.section] if self.section else {}
+        return {**own, **{section: config[section] for section in self.also_reads}}
+
+    def lies_there(self, scan: ScanFolder) -> bool:
+        """Whether all its artifacts do; a store without its manifest does not."""
+        return all(
+            (path / MANIFEST_NAME).is_file() if path.suffix == ".zarr" else path.exists() for path in self.outputs(scan)
+        )
 
 
 _TABLE = (
@@ -159,7 +172,8 @@ _TABLE = (
     Stage(
         name="snakes",
         entry="rahas.tasks.snakes:run",
-        needs=("ingest", "timeline", "review_capture"),
+        needs=("ingest", "timeline"),
+        gates=("review_capture",),
         outputs=lambda scan: (scan.snakes,),
         arguments=lambda work: {},
         section="snakes",
@@ -174,7 +188,7 @@ _TABLE = (
         section="phase",
         columns=("role",),
         borrows="snakes",
-        libraries=("numpy", "scipy", "numba", "zarr"),
+        libraries=("numpy", "scipy", "numba", "opencv-python-headless", "zarr"),
     ),
     Stage(
         name="calibrate",
@@ -200,10 +214,11 @@ _TABLE = (
     Stage(
         name="review_result",
         entry="rahas.tasks.review:run_result",
-        needs=("cloud",),
+        needs=("review_capture", "cloud"),
         outputs=lambda scan: (scan.result_review,),
         arguments=lambda work: {"role": work.entry.role, "capture_params": work.expedition.config.capture_review},
         section="result_review",
+        also_reads=("capture_review",),
         columns=("role",),
         libraries=("numpy", "scipy", "opencv-python-headless"),
     ),
@@ -215,9 +230,8 @@ GATES: Mapping[str, Callable[[ScanFolder], Path]] = {
     "review_capture": lambda scan: scan.capture_review,
     "review_result": lambda scan: scan.result_review,
 }
-# What a rejected scan does not keep; a scan rejected by its capture has no snakes either.
+# What a rejected scan does not keep, wherever it was rejected.
 WITHDRAWN_WHEN_REJECTED = ("phase", "calibrate", "cloud")
-WITHDRAWN_BY_CAPTURE = ("snakes", *WITHDRAWN_WHEN_REJECTED)
 
 
 @dataclass(frozen=True)
@@ -252,4 +266,14 @@ def last_job(entry: Entry) -> Job:
 
 
 def _closure(name: str) -> set[str]:
-    return {name}.union(*(_closure(need) for need in STAGES[name].needs))
+    stage = STAGES[name]
+    return {name}.union(*(_closure(before) for before in (*stage.needs, *stage.gates)))
+
+
+def withdrawn_by(name: str) -> tuple[str, ...]:
+    """The stages whose artifacts a scan loses that stage ``name`` rejects: all that follow, and what none keeps."""
+    return tuple(
+        stage.name
+        for stage in _TABLE
+        if stage.name in WITHDRAWN_WHEN_REJECTED or (stage.name != name and name in _closure(stage.name))
+    )

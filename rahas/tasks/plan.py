@@ -15,8 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from rahas.provenance.fingerprints import package_code
-from rahas.provenance.records import MADE, library_versions, read_record
+from rahas.provenance.records import MADE, MAKING, library_versions, read_record
 from rahas.stores.atomic import write_json
+from rahas.stores.captures import SIMULATED
 from rahas.stores.digests import digest_of_json, manifest_of_folder
 from rahas.stores.field_log import Entry
 from rahas.stores.layout import ScanFolder
@@ -27,6 +28,7 @@ from rahas.tasks.pipeline import JOBS, STAGES, Job, Work, last_job
 PAGE_ENTRY = "rahas.tasks.page:run"
 VERDICT_ENTRY = "rahas.tasks.review:write_verdict"
 SIMULATE_ENTRY = "rahas.tasks.simulate:run"
+SUMMARY_ENTRY = "rahas.tasks.summary:run"
 TEMPLATES = Path(__file__).resolve().parents[1] / "report" / "templates"
 
 
@@ -37,7 +39,7 @@ class Plan:
         self.expedition = expedition
         self._code = {
             entry: package_code().fingerprint(entry)
-            for entry in (PAGE_ENTRY, VERDICT_ENTRY, SIMULATE_ENTRY, *(s.entry for s in STAGES.values()))
+            for entry in (PAGE_ENTRY, VERDICT_ENTRY, SIMULATE_ENTRY, SUMMARY_ENTRY, *(s.entry for s in STAGES.values()))
         }
         self._keys: dict[tuple[str, str], str] = {}
 
@@ -69,6 +71,20 @@ class Plan:
         """The stamps that end every row."""
         return [self.stamp(last_job(entry).name, entry.scan_id) for entry in self.expedition.entries]
 
+    def unfinished(self) -> set[str]:
+        """Rows whose last job has not ended well with what is asked for now."""
+        ends = zip(self.expedition.entries, self.targets(), strict=True)
+        return {entry.scan_id for entry, stamp in ends if not (self.expedition.root / stamp).exists()}
+
+    def summary_stamp(self) -> str:
+        """Stamp of the expedition's index and table."""
+        recipe = {
+            "targets": self.targets(),
+            "rows": [row_of(entry) for entry in self.expedition.entries],
+            "code": [self._code[SUMMARY_ENTRY], templates_digest()],
+        }
+        return f"results/expedition/provenance/summary.{digest_of_json(recipe)[:16]}.1"
+
     def key(self, job_name: str, scan_id: str) -> str:
         """Key of a job's recipe."""
         if (job_name, scan_id) not in self._keys:
@@ -82,9 +98,7 @@ class Plan:
         stages = job.stages() if self.expedition.is_processed(entry) else []
         files: dict[str, Any] = {}
         for stage in stages:
-            files |= {name: _state(path) for name, path in stage.files(work).items()}
-        if entry.simulated:
-            files["capture"] = self._render_key(entry)
+            files |= {name: self._state_of(entry, path) for name, path in stage.files(work).items()}
         recipe: dict[str, Any] = {
             "stages": {
                 stage.name: {
@@ -109,21 +123,26 @@ class Plan:
         if not self.expedition.is_processed(entry):
             return []
         before = [(name, entry.scan_id) for name in job.after]
-        calibration = entry.calibration if entry.role == "scan" else None
-        if calibration is not None and self.expedition.is_processed(self.expedition.entry(calibration)):
-            before += [(name, calibration) for name in job.after_calibration]
+        if entry.role == "scan" and entry.calibration is not None and job.after_calibration:
+            calibration = self.expedition.entry(entry.calibration)
+            processed = self.expedition.is_processed(calibration)  # else its only job takes its artifacts away
+            names = job.after_calibration if processed else (last_job(calibration).name,)
+            before += [(name, calibration.scan_id) for name in names]
         return before
 
     def _is_whole(self, job: Job, entry: Entry) -> bool:
         """Whether the artifacts that the job's records speak of lie there."""
         scan = self.expedition.scan(entry.scan_id)
-        if job.is_last and not (scan.report.exists() and scan.qa.exists()):
+        if job.is_last and not all(path.exists() for path in (scan.report, scan.figures, scan.qa)):
             return False
         if not self.expedition.is_processed(entry):
             return True
         for stage in job.stages():
             record = read_record(scan.records / f"{stage.name}.json")
-            if record is not None and record.outcome == MADE and not all(p.exists() for p in stage.outputs(scan)):
+            if record is None:  # not made for a reason, or the record was lost
+                if any(path.exists() for path in stage.outputs(scan)):
+                    return False
+            elif record.outcome == MAKING or (record.outcome == MADE and not stage.lies_there(scan)):
                 return False
         return True
 
@@ -136,10 +155,18 @@ class Plan:
 
     def _render_key(self, entry: Entry) -> str:
         """Of the capture's own part of the simulation book: another capture's edit renders nothing anew."""
-        book = self._simulation_book
-        capture = book.get("captures", {}).get(entry.scan_id, {})
-        own = {"capture": capture, "setup": book.get("setups", {}).get(capture.get("setup"))}
-        return digest_of_json({"spec": own, "scan": entry.scan_id, "code": self._code[SIMULATE_ENTRY]})
+        try:
+            capture = self._simulation_book["captures"][entry.scan_id]
+            own = [capture, self._simulation_book["setups"][capture["setup"]]]
+        except (KeyError, TypeError):  # said in words by the job that renders
+            own = []
+        return digest_of_json({"spec": repr(own), "scan": entry.scan_id, "code": self._code[SIMULATE_ENTRY]})
+
+    def _state_of(self, entry: Entry, path: Path | None) -> Any:
+        """What a look at a raw file tells; of one that is rendered first, what it is rendered from."""
+        if entry.simulated and path is not None and path.is_relative_to(self.expedition.captures / SIMULATED):
+            return self._render_key(entry)
+        return _state(path)
 
     @cached_property
     def _simulation_book(self) -> dict[str, Any]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -20,9 +20,12 @@ from rahas.stores.layout import ScanFolder
 _COLUMNS = ("scan_id", "site", "subject", "date", "time", "decision", "role", "redundant_of")
 
 
-def run(results: Path, entries: Sequence[Entry]) -> str:
-    """Write the index and the table of all rows of the log; return the lines that close a run."""
-    cards = [_card(ScanFolder(results, entry.scan_id), entry) for entry in entries]
+def run(results: Path, entries: Sequence[Entry], *, unfinished: Collection[str] = ()) -> str:
+    """Write the index and the table of all rows of the log; return the lines that close a run.
+
+    ``unfinished`` are the rows whose jobs have not all ended: their former verdicts do not count.
+    """
+    cards = [_card(ScanFolder(results, e.scan_id), e, finished=e.scan_id not in unfinished) for e in entries]
     made = {"index.html": render_index(cards), "scans.csv": scans_csv(cards)}
     for name, text in made.items():
         write_text(results / name, text)
@@ -39,10 +42,10 @@ def run(results: Path, entries: Sequence[Entry]) -> str:
     return closing_lines(cards)
 
 
-def _card(scan: ScanFolder, entry: Entry) -> Card:
+def _card(scan: ScanFolder, entry: Entry, *, finished: bool) -> Card:
     return Card(
         row={name: getattr(entry, name) for name in _COLUMNS},
-        qa=_verdict(scan),
+        qa=_verdict(scan) if finished else None,
         thumbnail=f"{scan.scan_id}/figures/{THUMBNAIL}" if (scan.figures / THUMBNAIL).is_file() else None,
         link=f"{scan.scan_id}/report.html" if scan.report.is_file() else None,
     )

@@ -21,6 +21,7 @@ def run(scan: ScanFolder, *, params: TimelineParams) -> None:
         time_s=store["time_s"][...],
         change=store["change"][...],
         frame_rate=frame_rate,
+        thumbnail_scale=1.0 / float(store["thumbnail"].attrs["scale"]),
         params=params,
     )
     write_json(

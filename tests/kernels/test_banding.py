@@ -45,3 +45,15 @@ def test_too_little_phase_is_no_banding() -> None:
     assert measure_banding(np.full((40, 50), np.nan)) is None
     flat = np.full((40, 50), 3.0)
     np.testing.assert_array_equal(deband(flat).unwrapped_phase, flat)
+
+
+def test_ridges_along_the_stripes_are_no_ripple() -> None:
+    """They are the same in every strip of columns, but in two zones of phase only."""
+    y, x = np.mgrid[:240, :320].astype(float)
+    level = y + x * 20.7 / 190
+    ridges = 0.06 * np.exp(-0.5 * ((level - 150) / 6) ** 2) + 0.03 * np.exp(-0.5 * ((level - 71) / 6) ** 2)
+    phase = 2 * np.pi * level / 20.7 + ridges + np.random.default_rng(4).normal(0, 0.03, y.shape)
+    result = deband(phase)
+    assert result.orders_removed == ()
+    assert 0.0005 < result.ripple_before[0] < 0.003
+    assert result.ripple_std[0] > 0.5 * result.ripple_before[0]

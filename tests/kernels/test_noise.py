@@ -50,8 +50,8 @@ def test_noise_is_never_below_rounding() -> None:
 def test_no_two_different_frames() -> None:
     same = np.ones((3, 10, 10))
     assert noise_from_differences(same - same, same, gain=2.0, top_level=TOP) is None
-    with pytest.raises(ValueError, match="noise cannot be told"):
-        combined_noise(still=None, moving=None, residual=None, lit_level=50.0)
+    unknown = combined_noise(still=None, moving=None, residual=None, lit_level=50.0)
+    assert unknown.at(np.array([10.0, 200.0])) == pytest.approx(np.sqrt(1 / 12), rel=1e-6)
 
 
 def test_what_a_codec_froze_in_the_light_counts_in_the_dark_too() -> None:

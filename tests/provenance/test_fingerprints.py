@@ -85,3 +85,15 @@ def test_real_stages_reach_their_kernels_and_not_each_others() -> None:
     assert "rahas.kernels.joint_steps" not in reached["snakes"]
     for name, modules in reached.items():
         assert len(modules) > 2, name
+
+
+def test_what_is_kept_of_the_source_gives_the_same_and_never_stands_in_for_an_edit(package: Path) -> None:
+    cache = package / "kept.json"
+    fresh = [CodeBase(package).fingerprint(entry) for entry in (ONE, TWO)]
+    assert [CodeBase(package, cache=cache).fingerprint(entry) for entry in (ONE, TWO)] == fresh
+    kept = cache.read_bytes() if cache.exists() else b""
+    assert [CodeBase(package, cache=cache).fingerprint(entry) for entry in (ONE, TWO)] == fresh
+    _replace(package / "kernels/near.py", "return x\n", "return x + 1\n")
+    assert CodeBase(package, cache=cache).fingerprint(ONE) == CodeBase(package).fingerprint(ONE) != fresh[0]
+    cache.write_bytes(kept[: len(kept) // 2])  # a torn write
+    assert CodeBase(package, cache=cache).fingerprint(TWO) == fresh[1]

@@ -11,7 +11,7 @@ from rahas.report.figures import field_figure, first_field, grey_picture, levels
 from rahas.report.gallery import moments_of
 from rahas.report.overlays import arrow_magnification, unrotated, with_snakes
 from rahas.report.plots import line_plot, strip_of
-from rahas.report.relief import normals_of_grid, relief_picture
+from rahas.report.relief import relief_picture
 from rahas.report.words import measured_against, metric_label, metric_unit, number, value_text
 
 
@@ -89,16 +89,6 @@ def test_relief_is_lit_from_the_upper_left() -> None:
     xyz = np.stack([x, -y, dome], axis=2)
     picture = relief_picture(xyz).astype(int)
     assert picture[33, 43, 0] > picture[40, 5, 0] + 10 > picture[47, 57, 0] + 30
-
-
-def test_normals_point_to_the_camera_and_stay_unknown_at_the_edge_of_what_was_measured() -> None:
-    y, x = np.indices((20, 30), dtype=np.float32)
-    xyz = np.stack([x, -y, 0.5 * x], axis=2)
-    xyz[8:10, 8:10] = np.nan
-    normals = normals_of_grid(xyz)
-    np.testing.assert_allclose(normals[15, 20], np.array([-0.5, 0, 1]) / np.hypot(0.5, 1), atol=1e-4)
-    assert np.isnan(normals[8:10, 7:11]).all()
-    assert np.isfinite(normals[2:6, 2:28]).all()
 
 
 def test_moments_are_inside_their_intervals_and_in_order() -> None:

@@ -83,6 +83,7 @@ def test_touched_files_compute_nothing(finished: Expedition) -> None:
     assert NOTHING in finished.run().output
 
 
+@pytest.mark.faults
 def test_copy_without_times_computes_nothing(finished: Expedition, tmp_path: Path) -> None:
     shutil.copytree(finished.root, tmp_path / "elsewhere", copy_function=shutil.copyfile)
     run = Expedition(tmp_path / "elsewhere", finished.code).run()
@@ -142,6 +143,6 @@ def test_file_that_cannot_be(finished: Expedition, name: str, told: str) -> None
     run = finished.run(name)
     assert run.status != 0
     assert told in run.output
-    assert "Traceback" not in run.output
+    assert "Traceback (most recent" not in run.output
     assert not (finished.root / name).exists()
     assert run.made == []

@@ -2,7 +2,10 @@
 
 
 def stamp_that_makes(wildcards):
-    entry = PLAN.expedition.entry(wildcards.scan)
+    try:
+        entry = PLAN.expedition.entry(wildcards.scan)
+    except ExpeditionError as error:
+        raise WorkflowError(str(error)) from None
     job = makes(PLAN.expedition.scan(wildcards.scan), wildcards.artifact, entry)
     if job is None:
         raise WorkflowError(

@@ -15,15 +15,21 @@ os.environ["PYTHONPATH"] = os.pathsep.join(
 
 from rahas.errors import ExpeditionError
 from rahas.stores.digests import canonical_json
-from rahas.tasks.expedition import open_expedition
+from rahas.tasks.expedition import check_writable, open_expedition
 from rahas.tasks.plan import Plan, makes
 
 try:
     PLAN = Plan(open_expedition(Path.cwd(), config))
+    check_writable(PLAN.expedition)
 except ExpeditionError as error:
     raise WorkflowError(str(error)) from None
+if not PLAN.expedition.entries:
+    logger.warning("field_log.csv has no row yet: write one for each capture")
+for fault in PLAN.expedition.skipped:
+    logger.warning(f"left out: {fault}")
 
-RAHAS = f"{shlex.quote(sys.executable)} -m rahas.cli"
+# -P: nothing that lies in the expedition's folder is imported
+RAHAS = f"{shlex.quote(sys.executable)} -P -m rahas.cli"
 OPTIONS = f"--options {shlex.quote(json.dumps(dict(config)))}"
 
 

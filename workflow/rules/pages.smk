@@ -1,16 +1,17 @@
-# The expedition at a glance; also written, with the closing lines, at the end of every run, failed or not.
+# The expedition at a glance; written once more, with the closing lines, at the end of every run, failed or not.
 
 
 rule summary:
     input:
         PLAN.targets(),
     output:
-        "results/index.html",
-        "results/scans.csv",
+        page="results/index.html",
+        table="results/scans.csv",
+        stamp=PLAN.summary_stamp(),
     message:
         "the expedition at a glance"
     shell:
-        "{RAHAS} summary {OPTIONS}"
+        "{RAHAS} summary --stamp {output.stamp:q} {OPTIONS}"
 
 
 onsuccess:
