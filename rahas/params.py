@@ -166,6 +166,12 @@ class ResultReviewParams(StageParams):
     max_ripple_rad: float = Field(
         0.05, gt=0, description="ripple left after debanding that is worth a warning, radians"
     )
+    max_label_shift_stripes: float = Field(
+        0.1, gt=0, description="shift of the first hold's stripes against the calibration's worth a warning, stripes"
+    )
+    max_order_disagreement: float = Field(
+        0.02, gt=0, le=1, description="share on which snakes and rotation code differ that is worth a warning"
+    )
     depth_step_spacings: float = Field(
         8.0, gt=1, description="height between neighbours that parts two surfaces, in spacings of points"
     )

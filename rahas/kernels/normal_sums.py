@@ -9,6 +9,7 @@ import numpy as np
 from rahas.typing import AnyArray, FloatArray
 
 SUMS = 10  # Σ of 1, f, g, f², f·g, g², I, I·f, I·g, I²
+PART = 1 << 15  # pixels solved at a time: what is kept in between would be many times the field
 
 
 class PlaneFit(NamedTuple):
@@ -30,6 +31,11 @@ def solve_sums(sums: AnyArray) -> PlaneFit:
     sums
         (pixel, SUMS) or wider.
     """
+    parts = [_solve_part(sums[first : first + PART]) for first in range(0, len(sums), PART)]
+    return PlaneFit(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+
+
+def _solve_part(sums: AnyArray) -> PlaneFit:
     one, f, g, ff, fg, gg, i, fi, gi, ii = (sums[:, k].astype(np.float64) for k in range(SUMS))
     count, one = one, np.maximum(one, 1.0)
     # means removed: two unknowns are left

@@ -15,7 +15,7 @@ import numpy as np
 from rahas.kernels.field_sums import add_linear, add_refined
 from rahas.kernels.joint_steps import StepField
 from rahas.kernels.lit_spans import lit_spans
-from rahas.kernels.normal_sums import SUMS, solve_sums
+from rahas.kernels.normal_sums import PART, SUMS, solve_sums
 from rahas.kernels.phase_shifting import FringeMaps, wrap
 from rahas.kernels.pixel_fit import fit_pixels
 from rahas.typing import AnyArray, Float32Array, FloatArray
@@ -65,15 +65,15 @@ def solve_phase_field(
     per_frame = np.vstack([field.coefficients.T / TURN, 1.0 / field.gain, field.offset]).astype(np.float32)
     top = np.float32(top_level)
     start = _first_pass(read_blocks(), per_frame, basis, top)
-    kappa = field.waveform.at(start.background, start.modulation)
     expected = expected_noise(start.background, start.modulation, start.noise)
     crossed = np.flatnonzero(start.noise > CROSSED * expected)
     series: list[AnyArray] = []
-    fit = _second_pass(_keeping(read_blocks(), crossed, series), per_frame, basis, top, start, kappa, field.noise)
+    fit = _second_pass(_keeping(read_blocks(), crossed, series), per_frame, basis, top, start, field)
     if len(crossed):
         levels = (np.concatenate(series) - field.offset[:, None]) / field.gain[:, None]
         delta = field.coefficients @ basis[:, crossed]
-        apart = _fit_lit(levels, delta, kappa[:, crossed], expected[crossed])
+        kappa = field.waveform.at(start.background[crossed], start.modulation[crossed])
+        apart = _fit_lit(levels, delta, kappa, expected[crossed])
         for target, found in zip(fit, apart, strict=True):
             target[crossed] = found
     return FringeMaps(
@@ -111,15 +111,18 @@ def _second_pass(
     basis: Float32Array,
     top: np.float32,
     start: _Fit,
-    kappa: AnyArray,
-    noise: float,
+    field: StepField,
 ) -> _Fit:
     pixels = basis.shape[1]
-    limit = REJECT_SIGMAS * np.minimum(start.noise, 2.0 * noise) + REJECT_MODULATION * start.modulation
+    limit = REJECT_SIGMAS * np.minimum(start.noise, 2.0 * field.noise) + REJECT_MODULATION * start.modulation
     known = np.column_stack(
         [start.background, start.modulation, np.cos(start.phase), np.sin(start.phase), limit]
     ).astype(np.float32)
-    parts = np.concatenate([kappa.real, kappa.imag]).astype(np.float32)
+    parts = np.empty((2 * len(field.waveform.constant), pixels), np.float32)
+    for first in range(0, pixels, PART):
+        part = slice(first, first + PART)
+        kappa = field.waveform.at(start.background[part], start.modulation[part])
+        parts[:, part] = np.concatenate([kappa.real, kappa.imag])
     sums = np.zeros((pixels, SUMS), np.float32)
     arc = np.full((pixels, 2), [np.inf, -np.inf], np.float32)
     for levels, columns in _blocks_of_levels(blocks, per_frame):

@@ -63,7 +63,39 @@ def result_findings(
                 unit="rad",
             )
         )
-    return Findings(reasons, warnings)
+    return Findings(reasons, warnings + _labels(metrics, params))
+
+
+def _labels(metrics: Metrics, params: ResultReviewParams) -> list[Finding]:
+    """Warnings about the stripes' numbers: whether slide and lens were as in the calibration, and two ways agree."""
+    warnings: list[Finding] = []
+    moved = metrics.get("label_residual_stripes")
+    if moved is not None and moved > params.max_label_shift_stripes:
+        warnings.append(
+            finding(
+                "calibration",
+                "label_residual_stripes",
+                f"In the first hold the stripes lie {moved:.2f} of a stripe beside where they lay in the calibration. "
+                "If slide, focus or zoom were touched in between, depth is off; scan the target again with each set-up.",
+                value=moved,
+                limit=params.max_label_shift_stripes,
+                unit="stripe",
+            )
+        )
+    differing = metrics.get("order_disagreement")
+    if differing is not None and differing > params.max_order_disagreement:
+        warnings.append(
+            finding(
+                "tracking",
+                "order_disagreement",
+                f"Following the stripes and reading the rotation disagree on {differing:.1%} of the surface. Look for "
+                "steps in the depth picture; next time turn the lever more slowly.",
+                value=differing,
+                limit=params.max_order_disagreement,
+                unit="share",
+            )
+        )
+    return warnings
 
 
 def _timeline(metrics: Metrics, params: CaptureReviewParams) -> list[Finding]:

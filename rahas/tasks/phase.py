@@ -12,6 +12,7 @@ from rahas.kernels.label_anchor import Anchor
 from rahas.params import PhaseParams
 from rahas.stages import phase
 from rahas.stages.anchor import anchor_labels
+from rahas.stages.rotation_frames import rotation_of_timeline
 from rahas.stores.arrays import open_store, writing_store
 from rahas.stores.atomic import read_json
 from rahas.stores.layout import ScanFolder
@@ -33,7 +34,8 @@ MAPS: dict[str, dict[str, Any]] = {
 def run(scan: ScanFolder, *, calibration: ScanFolder | None, params: PhaseParams) -> None:
     """Solve the phase of a scan; its labels share the zero of its calibration's (``None``: it is one itself)."""
     frames, snakes = open_store(scan.frames), open_store(scan.snakes)
-    timeline = Intervals(read_json(scan.timeline))
+    course = read_json(scan.timeline)
+    timeline = Intervals(course)
     held, last = timeline.held_frames, timeline.scan["last"]
     first = held.start
     anchor = _anchor(scan, calibration, params)
@@ -51,15 +53,19 @@ def run(scan: ScanFolder, *, calibration: ScanFolder | None, params: PhaseParams
         ),
         first_order=anchor.order,
         params=params,
+        rotation=rotation_of_timeline(course),
         top_level=_top_level(frames, first, last),
     )
     steps = np.full(frames["frames"].shape[0], np.nan)
-    steps[first : first + len(result.steps)] = result.steps
+    moving = slice(timeline.scan["first"], first + len(result.steps))
+    steps[moving] = result.steps[timeline.scan["first"] - first :]
     attributes = {
         "method": params.method,
         "reference_frame": first,
         "order_of_first_snake": anchor.order,
         "label_anchor_residual_stripes": anchor.residual_stripes,
+        "rotation_code_confident_share": result.labelled.confident_share,
+        "rotation_code_disagreement": result.labelled.disagreement,
     }
     with writing_store(scan.phase, **attributes) as store:
         for name, about in MAPS.items():

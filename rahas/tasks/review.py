@@ -39,7 +39,7 @@ def run_capture(scan: ScanFolder, *, role: str, params: CaptureReviewParams) -> 
 
 
 def run_result(scan: ScanFolder, *, role: str, params: ResultReviewParams, capture_params: CaptureReviewParams) -> None:
-    """Second gate: cloud.zarr (and what the first gate measured) → review/result.json."""
+    """Second gate: cloud.zarr, phase.zarr (and what the first gate measured) → review/result.json."""
     cv2.setNumThreads(1)
     cloud = open_store(scan.cloud)
     before = _read(scan.capture_review) or {"metrics": {}}
@@ -50,6 +50,9 @@ def run_result(scan: ScanFolder, *, role: str, params: ResultReviewParams, captu
     for name in ("ripple_before_rad", "ripple_after_rad"):
         values = [float(v) for v in np.ravel(attributes.get(name, [])) if np.isfinite(v)]
         metrics[name] = max(values, default=None)
+    solved = open_store(scan.phase).attrs
+    metrics["label_residual_stripes"] = solved.get("label_anchor_residual_stripes")
+    metrics["order_disagreement"] = solved.get("rotation_code_disagreement")
     found = result_findings(
         metrics, told=list(attributes.get("warnings") or []), role=role, params=params, capture_params=capture_params
     )
