@@ -89,7 +89,7 @@ def lost_frames(travel: FloatArray, time_s: FloatArray, *, noise: float, repeate
     for place in range(2, len(pace) - 2):
         near = np.concatenate([pace[max(0, place - NEIGHBOURS) : place], pace[place + 1 : place + 1 + NEIGHBOURS]])
         usual = float(np.median(near))
-        if abs(usual) < 8 * noise or np.abs(near / usual - 1).max() > 0.35:
+        if abs(usual) <= 8 * noise or np.abs(near / usual - 1).max() > 0.35:
             continue
         ratio = float(pace[place] / usual)
         if ratio > 1.65:

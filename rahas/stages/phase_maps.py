@@ -25,7 +25,7 @@ from rahas.params import PhaseParams
 from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameStack
 
 BLOCK = 16  # frames
-MOST_SAMPLES = 600_000  # pixels times frames of the joint solve: long scans have fewer pixels, not more memory
+MOST_SAMPLES = 450_000  # pixels times frames of the joint solve: long scans have fewer pixels, not more memory
 
 ReadBlocks = Callable[[], Iterator[AnyArray]]
 SolveField = Callable[[ReadBlocks, FloatArray, slice], FringeMaps]

@@ -80,7 +80,7 @@ def open_expedition(root: Path, options: Mapping[str, Any] | None = None) -> Exp
             "(parameters of the stages stand in config/config.yaml)"
         )
     log = read_field_log(root, skip_bad_rows=_switch("skip_bad_rows", options.get("skip_bad_rows", False)))
-    included = _ids(options.get("include_rejected", ""))
+    included = _ids(options.get("include_rejected", ""), {entry.scan_id for entry in log.entries})
     strangers = sorted(included - {e.scan_id for e in log.entries})
     if strangers:
         raise ExpeditionError(f"--config include_rejected: {strangers[0]!r} is no scan_id of field_log.csv")
@@ -104,6 +104,17 @@ def _switch(name: str, value: Any) -> bool:
     return text in ("true", "1", "yes")
 
 
-def _ids(value: Any) -> frozenset[str]:
+def _ids(value: Any, known: set[str]) -> frozenset[str]:
+    """The ids asked for; Snakemake reads an id like 001 as a number, which is taken back."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        alike = {scan_id for scan_id in known if _as_number(scan_id) == value}
+        return frozenset(alike) if len(alike) == 1 else frozenset([str(value)])
     parts = value if isinstance(value, list | tuple) else str(value or "").split(",")
     return frozenset(str(p).strip() for p in parts if str(p).strip())
+
+
+def _as_number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None

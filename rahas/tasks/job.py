@@ -29,7 +29,7 @@ def run(expedition: Expedition, job_name: str, scan_id: str, stamp: Path) -> Non
         problem, rejected = None, False
         if expedition.is_processed(work.entry):
             try:
-                maker.make(job.target)
+                maker.make_job(job)
             except Rejected as rejection:
                 maker.withdraw_after(rejection)
                 problem, rejected = rejection.reason, True
@@ -52,9 +52,10 @@ def _write_verdict(work: Work, problem: object) -> None:
         overridden=entry.scan_id in work.expedition.include_rejected,
         problem=problem,
     )
+    read = (scan.capture_review, scan.result_review, scan.calibration)
     recipe = Recipe(
         stage="verdict",
-        inputs={p.name: digest_of_path(p) for p in (scan.capture_review, scan.result_review) if p.exists()},
+        inputs={p.name: digest_of_path(p) for p in read if p.exists()},
         columns={"decision": entry.decision, "role": entry.role},
         params={"included": entry.scan_id in work.expedition.include_rejected, "problem": problem},
         code=package_code().fingerprint(VERDICT_ENTRY),

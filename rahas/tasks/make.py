@@ -14,7 +14,7 @@ from rahas.provenance.fingerprints import package_code
 from rahas.provenance.records import MADE, MAKING, PROBLEM, WITHDRAWN, Recipe, Record, library_versions, read_record
 from rahas.stores.atomic import read_json, remove
 from rahas.stores.digests import digest_of_json, digest_of_path
-from rahas.tasks.pipeline import GATES, STAGES, Stage, Work, withdrawn_by
+from rahas.tasks.pipeline import GATES, STAGES, Job, Stage, Work, withdrawn_by
 
 
 class Rejected(Exception):
@@ -58,6 +58,19 @@ class Maker:
             raise Rejected(name, None)
         self._done.add((name, files))
 
+    def make_job(self, job: Job) -> None:
+        """Make all of a job; the last one sees that everything a scan keeps lies there.
+
+        Raises
+        ------
+        Rejected
+            As :meth:`make`.
+        """
+        self.make(job.target, files=False)  # what a later gate took away is not made again to be taken away again
+        if job.is_last or self.is_let_through():
+            for name in job.reaches():
+                self.make(name)
+
     def is_let_through(self) -> bool:
         """Whether the gates' limits are waived for this row, by ``include_rejected``."""
         return self.work.entry.scan_id in self.work.expedition.include_rejected
@@ -69,12 +82,11 @@ class Maker:
         """What decides the stage's output, as it stands now."""
         inputs = {need: _digest_of_record(self.record(need)) for need in stage.needs}
         inputs |= {
-            name: digest_of_path(path) if path is not None and path.exists() else "none"
+            name: digest_of_path(path) if path is not None and path.exists() else f"none {path.name if path else ''}"
             for name, path in stage.files(self.work).items()
         }
         if stage.borrows and self.work.entry.role != "calibration":
-            calibration = self.work.calibration
-            borrowed = read_record(calibration.records / f"{stage.borrows}.json") if calibration else None
+            borrowed = self.work.lent(stage.borrows)
             inputs["calibration"] = f"{borrowed.outcome if borrowed else 'none'} {_digest_of_record(borrowed)}"
         return Recipe(
             stage=stage.name,

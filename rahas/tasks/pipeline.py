@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from rahas.errors import CaptureProblem
-from rahas.provenance.records import MADE, read_record
+from rahas.provenance.records import MADE, Record, read_record
 from rahas.stores.digests import MANIFEST_NAME
 from rahas.stores.field_log import Entry
 from rahas.stores.layout import ScanFolder
@@ -33,6 +33,13 @@ class Work:
             return None
         return self.expedition.scan(self.entry.calibration)
 
+    def lent(self, stage: str) -> Record | None:
+        """Record of the calibration's ``stage``; ``None`` where there is none, or the operator rejected it."""
+        scan = self.calibration
+        if scan is None or not self.expedition.is_processed(self.expedition.entry(scan.scan_id)):
+            return None
+        return read_record(scan.records / f"{stage}.json")
+
     def calibration_with(self, stage: str) -> ScanFolder | None:
         """The calibration's folder, once its ``stage`` is made; ``None`` for a row that is a calibration itself.
 
@@ -52,7 +59,7 @@ class Work:
                 value="none",
                 limit="one",
             )
-        record = read_record(self.calibration.records / f"{stage}.json")
+        record = self.lent(stage)
         if record is None or record.outcome != MADE:
             why = "it was rejected, its own page says why"
             if record is not None and record.reason:
@@ -148,7 +155,7 @@ _TABLE = (
         arguments=lambda work: {"capture": work.capture_file()},
         section="ingest",
         files=lambda work: {"capture": work.entry.capture},
-        libraries=("numpy", "av", "opencv-python-headless", "zarr"),
+        libraries=("numpy", "av", "opencv-python-headless", "pillow", "zarr"),
     ),
     Stage(
         name="timeline",
@@ -157,7 +164,7 @@ _TABLE = (
         outputs=lambda scan: (scan.timeline,),
         arguments=lambda work: {},
         section="timeline",
-        libraries=("numpy", "scipy", "opencv-python-headless"),
+        libraries=("numpy", "scipy", "opencv-python-headless", "zarr"),
     ),
     Stage(
         name="review_capture",
@@ -167,7 +174,7 @@ _TABLE = (
         arguments=lambda work: {"role": work.entry.role},
         section="capture_review",
         columns=("role",),
-        libraries=("numpy", "scipy", "opencv-python-headless"),
+        libraries=("numpy", "scipy", "opencv-python-headless", "zarr"),
     ),
     Stage(
         name="snakes",
@@ -197,8 +204,9 @@ _TABLE = (
         outputs=lambda scan: (scan.calibration,),
         arguments=lambda work: {"target": work.expedition.target, "texture": work.texture_file()},
         section="calibration",
+        columns=("texture_named",),
         files=lambda work: {"target": work.expedition.target, "texture": work.entry.texture},
-        libraries=("numpy", "scipy", "opencv-python-headless"),
+        libraries=("numpy", "scipy", "opencv-python-headless", "pillow", "zarr"),
     ),
     Stage(
         name="cloud",
@@ -207,20 +215,21 @@ _TABLE = (
         outputs=lambda scan: (scan.cloud, scan.cloud_ply),
         arguments=lambda work: {"calibration": work.calibration_with("calibrate"), "texture": work.texture_file()},
         section="cloud",
+        columns=("texture_named",),
         files=lambda work: {"texture": work.entry.texture},
         borrows="calibrate",
-        libraries=("numpy", "scipy", "opencv-python-headless", "zarr"),
+        libraries=("numpy", "scipy", "opencv-python-headless", "pillow", "zarr"),
     ),
     Stage(
         name="review_result",
         entry="rahas.tasks.review:run_result",
-        needs=("review_capture", "cloud"),
+        needs=("review_capture", "phase", "cloud"),
         outputs=lambda scan: (scan.result_review,),
         arguments=lambda work: {"role": work.entry.role, "capture_params": work.expedition.config.capture_review},
         section="result_review",
         also_reads=("capture_review",),
         columns=("role",),
-        libraries=("numpy", "scipy", "opencv-python-headless"),
+        libraries=("numpy", "scipy", "opencv-python-headless", "zarr"),
     ),
 )
 STAGES: Mapping[str, Stage] = {stage.name: stage for stage in _TABLE}
@@ -243,6 +252,10 @@ class Job:
     after: tuple[str, ...]  # jobs of the same row
     after_calibration: tuple[str, ...] = ()  # jobs of the row's calibration
     is_last: bool = False
+
+    def reaches(self) -> list[str]:
+        """Names of all stages up to its target, in order."""
+        return [stage.name for stage in _TABLE if stage.name in _closure(self.target)]
 
     def stages(self) -> list[Stage]:
         """The stages it may compute that no job before it makes, in order."""

@@ -64,7 +64,8 @@ class Plan:
 
     def render_stamp(self, entry: Entry) -> str:
         """Stamp of the rendering of a simulated capture."""
-        whole = entry.capture is not None and entry.capture.exists()
+        own = [path for path in (entry.capture, entry.texture) if path is not None and self._is_rendered(path)]
+        whole = bool(own) and all(path.exists() for path in own)
         return self._name(f"render.{self._render_key(entry)[:16]}", entry.scan_id, whole)
 
     def targets(self) -> list[str]:
@@ -164,9 +165,12 @@ class Plan:
 
     def _state_of(self, entry: Entry, path: Path | None) -> Any:
         """What a look at a raw file tells; of one that is rendered first, what it is rendered from."""
-        if entry.simulated and path is not None and path.is_relative_to(self.expedition.captures / SIMULATED):
+        if entry.simulated and path is not None and self._is_rendered(path):
             return self._render_key(entry)
         return _state(path)
+
+    def _is_rendered(self, path: Path) -> bool:
+        return path.is_relative_to(self.expedition.captures / SIMULATED)
 
     @cached_property
     def _simulation_book(self) -> dict[str, Any]:
@@ -220,7 +224,9 @@ def makes(scan: ScanFolder, artifact: str, entry: Entry) -> str | None:
 
 def _state(path: Path | None) -> Any:
     """Size and time of a raw file (for a folder, of its files): what a look can tell."""
-    if path is None or not path.exists():
+    if path is None:
         return None
+    if not path.exists():
+        return path.name
     files = sorted(p for p in path.iterdir() if p.is_file()) if path.is_dir() else [path]
     return [[p.name, p.stat().st_size, p.stat().st_mtime_ns] for p in files]
