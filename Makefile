@@ -9,7 +9,7 @@ run: .venv/ready
 	$(BIN)/snakemake --cores $(CORES)
 
 test: .venv/ready lint
-	$(BIN)/python -m pytest
+	$(BIN)/python -m pytest --numprocesses $(CORES) --dist loadfile
 
 # The slow tests of kills and full disks.
 faults: .venv/ready

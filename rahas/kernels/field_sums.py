@@ -36,7 +36,7 @@ def _cosine_and_sine(turns):  # type: ignore[no-untyped-def]
     return np.float32(1.0) - two * half_sine * half_sine, two * half_sine * half_cosine
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def add_linear(levels, per_frame, basis, top, sums):  # type: ignore[no-untyped-def]
     """Add frames to the sums of the fit a + c·cos δ + s·sin δ to each pixel's levels over ``sums[p, 10]``.
 
@@ -76,7 +76,7 @@ def add_linear(levels, per_frame, basis, top, sums):  # type: ignore[no-untyped-
                 sums[p, k] += value
 
 
-@numba.njit(cache=True, fastmath=True)
+@numba.njit(cache=True, fastmath=True, nogil=True)
 def add_refined(levels, per_frame, basis, top, known, kappa, sums, arc):  # type: ignore[no-untyped-def]
     """Add frames to the sums of the fit da + x·w + y·w′ to what a known solution leaves.
 

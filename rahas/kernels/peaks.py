@@ -163,7 +163,7 @@ def _mask_and_peaks(
         peak_count[x] = count
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _place(column: Float32Array, start: int, half_window: int) -> tuple[int, float, float]:
     """Row and offset (|offset| ≤ 0.5) of the vertex of the parabola nearest ``start``, and its level; row −1: none."""
     ny = column.size

@@ -93,7 +93,7 @@ def _tally(chains: Chains, votes: AnyArray) -> tuple[AnyArray, AnyArray, AnyArra
     return tally.argmax(axis=1), tally.max(axis=1), tally.sum(axis=1)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _link(y: Float32Array, count: AnyArray, reach: float, number: AnyArray, first: AnyArray, last: AnyArray) -> int:
     n = 0
     for x in range(count.size):

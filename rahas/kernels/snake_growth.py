@@ -80,7 +80,7 @@ def _named_pixels(chains: Chains, names: AnyArray) -> AnyArray:
     return counted
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _drop(
     y: Float32Array,
     count: AnyArray,
@@ -111,7 +111,7 @@ def _drop(
                 break
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _fits(
     c: int, name: int, y: Float32Array, count: AnyArray, first: AnyArray, last: AnyArray, start: AnyArray,
     slot: AnyArray, pitch: float, low: float, high: float, names: AnyArray,
@@ -135,13 +135,13 @@ def _fits(
     return bad <= 0.05 * (good + bad)
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _set(c: int, name: int, first: AnyArray, last: AnyArray, start: AnyArray, slot: AnyArray, names: AnyArray) -> None:
     for x in range(first[c], last[c] + 1):
         names[x, slot[start[c] + x - first[c]]] = name
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _grow_sideways(
     y: Float32Array, count: AnyArray, chain: AnyArray, first: AnyArray, last: AnyArray, start: AnyArray,
     chain_y: Float32Array, slot: AnyArray, pitch: float, gap: int, reach: float, low: float, high: float,
@@ -185,7 +185,7 @@ def _grow_sideways(
     return added
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _grow_by_neighbours(
     y: Float32Array, count: AnyArray, chain: AnyArray, first: AnyArray, last: AnyArray, start: AnyArray,
     chain_y: Float32Array, slot: AnyArray, pitch: float, low: float, high: float, min_length: int, snakes: int,

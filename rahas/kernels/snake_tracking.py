@@ -106,7 +106,7 @@ def motion_of_snakes(before: Float32Array, peaks: Peaks, names: AnyArray) -> Mot
     return Motion(offset, float(plane[1]), float(plane[2]))
 
 
-@numba.njit(cache=True)
+@numba.njit(cache=True, nogil=True)
 def _track_delta_y(
     before: Float32Array,
     peak_y: Float32Array,

@@ -76,7 +76,7 @@ def _labels(metrics: Metrics, params: ResultReviewParams) -> list[Finding]:
                 "calibration",
                 "label_residual_stripes",
                 f"In the first hold the stripes lie {moved:.2f} of a stripe beside where they lay in the calibration. "
-                "If slide, focus or zoom were touched in between, depth is off; scan the target again with each set-up.",
+                "If slide, focus or zoom were touched in between, depth is off: scan the target with each set-up.",
                 value=moved,
                 limit=params.max_label_shift_stripes,
                 unit="stripe",

@@ -13,8 +13,8 @@ _Made = TypeVar("_Made")
 DEPTH = 3
 
 
-def ahead(make: Callable[[_Given], _Made], items: Iterable[_Given]) -> Iterator[_Made]:
-    """``make`` of each item, in order, up to ``DEPTH`` of them made before they are asked for.
+def ahead(make: Callable[[_Given], _Made], items: Iterable[_Given], *, depth: int = DEPTH) -> Iterator[_Made]:
+    """``make`` of each item, in order, up to ``depth`` of them made before they are asked for.
 
     One thread makes them all, so ``make`` may keep state of its own. What it raises is raised where its result is due.
 
@@ -26,7 +26,7 @@ def ahead(make: Callable[[_Given], _Made], items: Iterable[_Given]) -> Iterator[
         try:
             for item in items:
                 pending.append(pool.submit(make, item))
-                if len(pending) > DEPTH:
+                if len(pending) > depth:
                     yield pending.popleft().result()
             while pending:
                 yield pending.popleft().result()

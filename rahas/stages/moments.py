@@ -8,6 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
+from rahas.stages.ahead import ahead
 from rahas.typing import AnyArray, FrameStack
 
 _BLOCK = 8
@@ -48,11 +49,8 @@ class Moments:
         return np.asarray(cv2.resize(frame, self.shape[::-1], interpolation=cv2.INTER_NEAREST))
 
     def _raw_blocks(self, first: int, last: int) -> Iterator[tuple[int, AnyArray]]:
-        start = first
-        while start <= last:
-            end = min((start // _BLOCK + 1) * _BLOCK, last + 1)
-            yield start, np.asarray(self._frames[start:end])
-            start = end
+        starts = [first, *range((first // _BLOCK + 1) * _BLOCK, last + 1, _BLOCK)]
+        yield from ahead(lambda n: (n, np.asarray(self._frames[n : min((n // _BLOCK + 1) * _BLOCK, last + 1)])), starts)
 
     def _binned(self, frame: AnyArray) -> AnyArray:
         field = frame[self._rows][: self._cut[0], : self._cut[1]]

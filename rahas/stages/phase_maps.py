@@ -22,6 +22,7 @@ from rahas.kernels.pixel_fit import fit_pixels
 from rahas.kernels.sampling import evenly_spread
 from rahas.kernels.steady_steps import solve_steady_steps
 from rahas.params import PhaseParams
+from rahas.stages.ahead import ahead
 from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameStack
 
 BLOCK = 16  # frames
@@ -170,5 +171,4 @@ def _weights(steps: FloatArray, params: PhaseParams) -> tuple[FloatArray, FloatA
 
 
 def _blocks(frames: FrameStack, first: int, end: int, rows: slice) -> Iterator[AnyArray]:
-    for start in range(first, end, BLOCK):
-        yield frames[start : min(start + BLOCK, end)][:, rows]
+    return ahead(lambda start: frames[start : min(start + BLOCK, end)][:, rows], range(first, end, BLOCK), depth=1)

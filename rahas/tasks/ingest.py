@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from rahas.params import IngestParams
-from rahas.stages.ingest import finish_thumbnails, join_measures, measure_block, thumbnail_scale
+from rahas.stages.ahead import ahead
+from rahas.stages.ingest import BlockMeasures, finish_thumbnails, join_measures, measure_block, thumbnail_scale
 from rahas.stores.arrays import StoreWriter, writing_store
 from rahas.stores.capture import Capture, open_capture
 from rahas.stores.frames import GrowingArray, Spool, in_blocks
@@ -35,17 +38,10 @@ def run(scan: ScanFolder, *, capture: Path, params: IngestParams) -> None:
 
 def _store_capture(source: Capture, store: StoreWriter, spool: Spool) -> None:
     measures = []
-    last: AnyArray | None = None
     with GrowingArray(store, "frames", ("frame", "y", "x"), long_name="luma as shot", units="grey level") as frames:
-        for block in in_blocks(source.frames()):
-            frames.append(block)
-            depth = 8 if block.dtype.itemsize == 1 else source.bit_depth
-            measured = measure_block(block, last, bit_depth=depth)
+        for measured in ahead(_measured, _stored(source, frames), depth=1):
             spool.append(measured.thumbnails)
-            measures.append(
-                measured._replace(thumbnails=measured.thumbnails[:, :0].copy())
-            )  # no view: it would keep all
-            last = block[-1]
+            measures.append(measured._replace(thumbnails=measured.thumbnails[:, :0].copy()))  # a view would keep all
     facts = source.facts()
     whole = join_measures(
         measures, bit_depth=facts.bit_depth, luma_range=facts.luma_range, flagged_order=facts.flagged_order
@@ -75,3 +71,22 @@ def _store_capture(source: Capture, store: StoreWriter, spool: Spool) -> None:
             "declared_frames": facts.declared_frames,
         }
     )
+
+
+class _Block(NamedTuple):
+    frames: AnyArray
+    before: AnyArray | None
+    bit_depth: int
+
+
+def _stored(source: Capture, frames: GrowingArray) -> Iterator[_Block]:
+    """Decode, and give each block to the store; it is measured by a thread of its own."""
+    last: AnyArray | None = None
+    for block in in_blocks(source.frames()):
+        frames.append(block)
+        yield _Block(block, last, 8 if block.dtype.itemsize == 1 else source.bit_depth)
+        last = block[-1]
+
+
+def _measured(block: _Block) -> BlockMeasures:
+    return measure_block(block.frames, block.before, bit_depth=block.bit_depth)

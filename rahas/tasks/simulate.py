@@ -35,7 +35,13 @@ def run(*, spec_path: Path, scan_id: str, captures: Path) -> None:
     with replacing(folder / f"{scan_id}_texture.png") as temporary:
         if not cv2.imwrite(str(temporary), photo(staged)[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1]):
             raise OSError(f"{temporary.name} could not be written")
-    encoding = Encoding(
+    encoding = encoding_of(capture)
+    write_frames(folder / (scan_id + SUFFIXES[encoding.codec]), staged.frames(), encoding)
+
+
+def encoding_of(capture: CaptureSpec) -> Encoding:
+    """How the capture's film is written."""
+    return Encoding(
         codec=capture.encoding.codec,
         frame_rate=capture.camera.frame_rate,
         fields=capture.camera.fields,
@@ -43,7 +49,6 @@ def run(*, spec_path: Path, scan_id: str, captures: Path) -> None:
         crf=capture.encoding.crf,
         quantiser=capture.encoding.quantiser,
     )
-    write_frames(folder / (scan_id + SUFFIXES[encoding.codec]), staged.frames(), encoding)
 
 
 def read_capture_spec(spec_path: Path, scan_id: str) -> CaptureSpec:

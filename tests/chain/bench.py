@@ -15,8 +15,9 @@ from rahas.simulate.roof import DIAMETER_MM, target_marks
 from rahas.simulate.specs import CaptureSpec
 from rahas.stores.atomic import read_json
 from rahas.stores.layout import ScanFolder
-from rahas.stores.video_writer import SUFFIXES, Encoding, write_frames
+from rahas.stores.video_writer import SUFFIXES, write_frames
 from rahas.tasks import calibrate, cloud, ingest, phase, review, snakes, timeline
+from rahas.tasks.simulate import encoding_of
 from rahas.typing import AnyArray
 
 Truth = dict[str, AnyArray]
@@ -43,14 +44,7 @@ class Processed:
 def film(captures: Path, scan_id: str, capture: CaptureSpec, *, with_photo: bool = False) -> tuple[Path, Truth]:
     """Render a capture into ``captures``: its file (or folder) and its truth."""
     staged = stage(capture)
-    encoding = Encoding(
-        codec=capture.encoding.codec,
-        frame_rate=capture.camera.frame_rate,
-        fields=capture.camera.fields,
-        full_range=capture.camera.luma_range == "full",
-        crf=capture.encoding.crf,
-        quantiser=capture.encoding.quantiser,
-    )
+    encoding = encoding_of(capture)
     path = captures / (scan_id + SUFFIXES[encoding.codec])
     write_frames(path, staged.frames(), encoding)
     if with_photo:
