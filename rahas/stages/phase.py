@@ -26,16 +26,15 @@ from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameSta
 
 QUANTISATION = 0.3  # grey levels: standard deviation of rounding
 MIN_LABELLED = 500  # pixels
+SNAKE_BLOCK = 64  # frames
 CENTRE = 8  # pixels: half the side of the patch that is the field's centre
 
 
 class ScanSnakes(NamedTuple):
-    """Snake matrices of the reference frame and of the scan's frames."""
+    """Snake matrices (frame, snake, x) of the whole capture, read block by block."""
 
-    reference_identity: AnyArray  # (snake, x)
-    reference_y: AnyArray  # (snake, x)
-    identity: AnyArray  # (frame, snake, x)
-    y: AnyArray  # (frame, snake, x)
+    identity: FrameStack
+    y: FrameStack
 
 
 class Labelled(NamedTuple):
@@ -89,7 +88,7 @@ def solve(
     fields
         Rows of each field in temporal order: one slice for progressive frames.
     snakes
-        Snake matrices; those of the scan's frames are ``first`` … ``last``.
+        Snake matrices of the whole capture.
     first_order
         Fringe order of the maximum that snake 1 lies on.
     rotation
@@ -102,20 +101,16 @@ def solve(
     CaptureProblem
         The crank scanned too little for a phase, or the stripes could not be told apart.
     """
-    steps = _steps(snakes, frames.shape[1], held)
-    snakes = snakes._replace(identity=snakes.identity[:0].copy(), y=snakes.y[:0].copy())  # of a long scan: 80 MB
+    steps = _steps(snakes, first, last, frames.shape[1], held)
+    identity, rows = snakes.identity[first], snakes.y[first]
     coarse = coarse_turns_from_snakes(
-        snakes.reference_identity,
-        snakes.reference_y,
-        frames.shape[1],
-        first_order=first_order,
-        reach=params.outer_reach,
+        identity, rows, frames.shape[1], first_order=first_order, reach=params.outer_reach
     )
     maps = linear_maps(frames, first, steps, fields, params)
     if params.method == "thesis":
         measured = _measured(maps, params)
         order, confidence = orders_from_coarse(maps.wrapped_phase, coarse, measured)
-        order = blank_near_snakes(order, snakes.reference_identity, snakes.reference_y, params.thesis_blanked_rows)
+        order = blank_near_snakes(order, identity, rows, params.thesis_blanked_rows)
         return _assembled(maps, Labelled(order, confidence), measured, steps)
     code: orders.RotationFit | None = None
     if rotation is not None:
@@ -179,16 +174,23 @@ def _measured(maps: FringeMaps, params: PhaseParams) -> BoolArray:
     return maps.modulation > params.min_modulation_to_noise * noise
 
 
-def _steps(snakes: ScanSnakes, height: int, held: int) -> FloatArray:
+def _steps(snakes: ScanSnakes, first: int, last: int, height: int, held: int) -> FloatArray:
     """One step a frame, from the snakes of the field's middle, or of anywhere if none is there."""
+    reference, reference_rows = snakes.identity[first], snakes.y[first]
     for rows in ((0.3 * height, 0.7 * height), None):
-        found = steps_from_snakes(
-            reference_identity=snakes.reference_identity,
-            reference_y=snakes.reference_y,
-            identity=snakes.identity,
-            y=snakes.y,
-            rows=rows,
-        )
+        parts = []
+        for start in range(first, last + 1, SNAKE_BLOCK):
+            part = slice(start, min(start + SNAKE_BLOCK, last + 1))
+            parts.append(
+                steps_from_snakes(
+                    reference_identity=reference,
+                    reference_y=reference_rows,
+                    identity=snakes.identity[part],
+                    y=snakes.y[part],
+                    rows=rows,
+                )
+            )
+        found = np.concatenate(parts)
         if np.isfinite(found[:held]).any() and np.isfinite(found[held:]).any():
             steps = fill_missing_steps(found)
             return steps - np.median(steps[:held])

@@ -10,6 +10,7 @@ import numpy as np
 from rahas.errors import CaptureProblem
 from rahas.kernels.displacement import moved_back, slopes_at
 from rahas.kernels.joint_steps import StepField, levelled
+from rahas.kernels.long_scan import solve_scan_steps
 from rahas.kernels.noise_memory import phase_std_inflation
 from rahas.kernels.phase_field import solve_phase_field
 from rahas.kernels.phase_shifting import (
@@ -20,7 +21,6 @@ from rahas.kernels.phase_shifting import (
 )
 from rahas.kernels.pixel_fit import fit_pixels
 from rahas.kernels.sampling import evenly_spread
-from rahas.kernels.steady_steps import solve_steady_steps
 from rahas.params import PhaseParams
 from rahas.stages.ahead import ahead
 from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameStack
@@ -123,7 +123,7 @@ def _joint_field(
         chosen = evenly_spread(steady[rows] & unclipped, min(params.joint_pixels, MOST_SAMPLES // len(steps)))
         levels = np.concatenate([block[:, chosen[0], chosen[1]] for block in blocks()])
         slopes = slopes_at(start.background[rows], start.modulation[rows], start.wrapped_phase[rows], chosen)
-        field = solve_steady_steps(levels, unwrapped[rows][chosen].astype(float), steps, held, slopes)
+        field = solve_scan_steps(levels, unwrapped[rows][chosen].astype(float), steps, held, slopes)
         shift, field = field.shift, field.moved_back(slopes.carrier)
         if shift.any():
             blocks = partial(_steadied, blocks, shift)

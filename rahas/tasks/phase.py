@@ -45,12 +45,7 @@ def run(scan: ScanFolder, *, calibration: ScanFolder | None, params: PhaseParams
         last=last,
         held=len(held),
         fields=fields(frames.attrs["interlaced"], frames.attrs["field_order"]),
-        snakes=phase.ScanSnakes(
-            reference_identity=snakes["snake_identity"][first],
-            reference_y=snakes["snake_y"][first],
-            identity=snakes["snake_identity"][first : last + 1],
-            y=snakes["snake_y"][first : last + 1],
-        ),
+        snakes=phase.ScanSnakes(snakes["snake_identity"], snakes["snake_y"]),
         first_order=anchor.order,
         params=params,
         rotation=rotation_of_timeline(course),

@@ -85,7 +85,7 @@ def solved(frames: AnyArray, order: tuple[int, ...], params: PhaseParams | None 
         last=count - 1,
         held=still,
         fields=[slice(None)],
-        snakes=phase.ScanSnakes(identity[0], y[0], identity, y),
+        snakes=phase.ScanSnakes(identity, y),
         first_order=0,
         params=params or PhaseParams(),
     )

@@ -39,7 +39,7 @@ def film(*, periods: float = 1.5, interlaced: bool = False) -> Film:
         level = 1.5 * amplitude + amplitude * np.cos(shown) + rng.normal(0, NOISE, shown.shape)
         frames[n] = np.clip(np.rint(level), 0, 255)
     identities, rows = zip(*(_snakes(phases[2 * n]) for n in range(COUNT)), strict=True)
-    snakes = ScanSnakes(identities[0], rows[0], np.stack(identities), np.stack(rows))
+    snakes = ScanSnakes(np.stack(identities), np.stack(rows))
     return Film(frames, phases[0], snakes, [slice(0, None, 2), slice(1, None, 2)] if interlaced else [slice(None)])
 
 
