@@ -31,7 +31,7 @@ from rahas.typing import AnyArray, BoolArray, FloatArray
 
 DEGREE = 2
 OUTLIER_SIGMAS = 5.0
-CONVERGED_RAD = 5e-4
+CONVERGED_RAD = 2.5e-3  # Gauss–Newton: what is left after such a change is far smaller
 # standard deviations of the step's terms beyond the first (rad), the gain, the offset over the median background, and
 # the shift (px): at the start, and at the least
 PRIOR_START = np.r_[[0.3] * DEGREE, 0.03, 0.03, 0.3, 0.3]
@@ -93,7 +93,7 @@ def solve_joint_steps(
         (2, 3, pixel), grey levels per px along x and y of the images a, b cos φ and −b sin φ: if given, the object's
         displacement in each frame is found too.
     iterations
-        At most so many; it stops when no step changes by more than 0.5 mrad.
+        At most so many; it stops when no step changes by more than 2.5 mrad.
 
     Raises
     ------

@@ -9,7 +9,6 @@ from rahas.provenance.records import MADE, Recipe, Record, library_versions, rea
 from rahas.stores.atomic import sweep
 from rahas.stores.digests import digest_of_json, digest_of_path
 from rahas.stores.locks import only_writer
-from rahas.tasks import page, review
 from rahas.tasks.expedition import Expedition
 from rahas.tasks.make import Maker, Rejected, say
 from rahas.tasks.pipeline import JOBS, STAGES, Work
@@ -43,6 +42,8 @@ def run(expedition: Expedition, job_name: str, scan_id: str, stamp: Path) -> Non
 
 
 def _write_verdict(work: Work, problem: object) -> None:
+    from rahas.tasks import review  # where it is needed: a job's imports are part of its time
+
     entry, scan = work.entry, work.scan
     review.write_verdict(
         scan,
@@ -84,6 +85,8 @@ def _write_page(work: Work) -> None:
     former = read_record(path)
     if former is not None and former.recipe.key == recipe.key and scan.report.exists() and scan.figures.exists():
         return
+    from rahas.tasks import page
+
     page.run(scan, entry=work.entry, calibration=calibration)
     outputs = {p.name: digest_of_path(p) for p in (scan.report, scan.figures) if p.exists()}
     Record(recipe, MADE, outputs).write(path)

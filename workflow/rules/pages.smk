@@ -1,4 +1,4 @@
-# The expedition at a glance; written once more, with the closing lines, at the end of every run, failed or not.
+# The expedition at a glance, with the closing lines: the last job of a run, and where a job failed, its end.
 
 
 rule summary:
@@ -12,10 +12,6 @@ rule summary:
         "the expedition at a glance"
     shell:
         "{RAHAS} summary --stamp {output.stamp:q} {OPTIONS}"
-
-
-onsuccess:
-    shell("{RAHAS} summary {OPTIONS}")
 
 
 onerror:
