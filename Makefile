@@ -41,4 +41,4 @@ lock:
 		--allow-unsafe --output-file requirements.lock pyproject.toml
 
 clean:
-	rm -rf results .snakemake captures/simulated
+	rm -rf results/* .snakemake captures/simulated
