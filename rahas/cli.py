@@ -107,9 +107,8 @@ def _summary(options: argparse.Namespace) -> None:
 
     expedition = open_expedition(options.expedition.resolve(), json.loads(options.options))
     closing = summary.run(expedition.results, expedition.entries, unfinished=Plan(expedition).unfinished())
-    if options.stamp:  # one job of several: the lines come at the end
+    if options.stamp:
         write_stamp(expedition.root / options.stamp, {"rows": len(expedition.entries)})
-        return
     print(closing, file=sys.stderr)
     if expedition.skipped:
         print("Left out of the log by skip_bad_rows:", *expedition.skipped, sep="\n  ", file=sys.stderr)
