@@ -15,5 +15,5 @@ include: "workflow/rules/by_name.smk"
 rule all:
     default_target: True
     input:
-        PLAN.targets(),
+        lambda wildcards: PLAN.targets(),
         rules.summary.output,

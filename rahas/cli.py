@@ -56,6 +56,28 @@ def _parser() -> argparse.ArgumentParser:
     _add_expedition(summary)
     summary.set_defaults(run=_summary)
 
+    audit = commands.add_parser("audit", help="check artifacts against their records, and what they were made from")
+    audit.add_argument("asked", nargs="*", metavar="ARTIFACT|SCAN", help="with all that it was made from; none: all")
+    audit.add_argument("--json", action="store_true", help="print everything as JSON instead of a table")
+    audit.add_argument("--explain", action="store_true", help="draw the lineage as a tree")
+    audit.add_argument("--dependents", action="store_true", help="only list what was made from it; raw files, too")
+    _add_expedition(audit)
+    audit.set_defaults(run=_audit)
+
+    diff = commands.add_parser("diff", help="say what changed from one run to another, and by how much")
+    side = "an expedition, a results folder, or a run of results/history: 0003, latest, -1 (the one before the latest)"
+    diff.add_argument("before", help=side)
+    diff.add_argument("after", help="likewise")
+    diff.add_argument("--page", type=Path, metavar="FILE.html", help="write a page with difference maps, too")
+    diff.add_argument("--json", action="store_true", help="print everything as JSON instead of a table")
+    diff.add_argument("--expedition", type=Path, default=Path(), help="whose history is meant; the current folder")
+    diff.set_defaults(run=_diff)
+
+    export = commands.add_parser("export", help="write the provenance of all results as an RO-Crate and as a table")
+    export.add_argument("--output", type=Path, metavar="FOLDER", help="of the crate; the expedition's own")
+    _add_expedition(export)
+    export.set_defaults(run=_export)
+
     config = commands.add_parser("config", help="write config/config.yaml and its schema from the parameter models")
     config.add_argument("--expedition", type=Path, default=Path())
     config.set_defaults(run=_config)
@@ -74,11 +96,11 @@ def _new(options: argparse.Namespace) -> None:
 
 
 def _simulate(options: argparse.Namespace) -> None:
-    from rahas.tasks import simulate
+    from rahas.tasks import render
     from rahas.tasks.plan import write_stamp
 
     root = options.expedition.resolve()
-    simulate.run(spec_path=root / "config" / "simulation.yaml", scan_id=options.scan_id, captures=root / "captures")
+    render.run(root, options.scan_id)
     if options.stamp:
         write_stamp(root / options.stamp, {"rendered": options.scan_id})
 
@@ -112,6 +134,33 @@ def _summary(options: argparse.Namespace) -> None:
     print(closing, file=sys.stderr)
     if expedition.skipped:
         print("Left out of the log by skip_bad_rows:", *expedition.skipped, sep="\n  ", file=sys.stderr)
+
+
+def _audit(options: argparse.Namespace) -> int:
+    from rahas.tasks import audit
+    from rahas.tasks.expedition import open_expedition
+
+    expedition = open_expedition(options.expedition.resolve(), json.loads(options.options))
+    asks = {"as_json": options.json, "explain": options.explain, "show_dependents": options.dependents}
+    return audit.run(expedition, options.asked, **asks)
+
+
+def _diff(options: argparse.Namespace) -> int:
+    _one_thread_each()
+    from rahas.tasks import diff
+
+    return diff.run(
+        options.before, options.after, expedition=options.expedition, page=options.page, as_json=options.json
+    )
+
+
+def _export(options: argparse.Namespace) -> None:
+    from rahas.tasks import export
+    from rahas.tasks.expedition import open_expedition
+
+    expedition = open_expedition(options.expedition.resolve(), json.loads(options.options))
+    exported = export.run(expedition, options.output)
+    print(f"{exported.crate} and {exported.table.name}: {exported.actions} actions")
 
 
 def _config(options: argparse.Namespace) -> None:

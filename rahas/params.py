@@ -112,11 +112,18 @@ class PhaseParams(StageParams):
         3.0, gt=0, description="stripe amplitude over the noise of a frame, below which nothing is measured"
     )
     outer_reach: float = Field(0.5, ge=0, le=1, description="how far the outermost snake is trusted, stripes")
-    growth_px: int = Field(40, ge=0, le=1000, description="how far orders are carried beyond the snakes, pixels")
+    growth_px: int = Field(
+        40,
+        ge=0,
+        le=1000,
+        description="how far orders are carried beyond the snakes, pixels of an image of 480 rows, more in larger ones",
+    )
     growth_tolerance_rad: float = Field(
         1.2, gt=0, lt=3.14, description="largest phase step between neighbours that still continues a surface, radians"
     )
-    thesis_blanked_rows: int = Field(4, ge=0, le=50, description="rows blanked around each snake by the thesis")
+    thesis_blanked_rows: int = Field(
+        4, ge=0, le=50, description="rows blanked around each snake by the thesis, whatever the image's size"
+    )
 
 
 class CalibrationParams(StageParams):
@@ -153,8 +160,17 @@ class CloudParams(StageParams):
     max_slope_deg: float = Field(
         80.0, gt=0, lt=90, description="a steeper slope between two neighbouring pixels is a depth step, degrees"
     )
-    min_piece_px: int = Field(100, ge=1, description="smallest loose piece of surface that is kept, pixels")
-    normal_radius_px: int = Field(2, ge=1, le=20, description="normals average so many pixels to each side")
+    min_piece_px: int = Field(
+        100,
+        ge=1,
+        description="smallest loose piece of surface that is kept, pixels of an image of 480 rows, more in larger ones",
+    )
+    normal_radius_px: int = Field(
+        2,
+        ge=1,
+        le=20,
+        description="normals average so many pixels to each side, of an image of 480 rows, more in larger ones",
+    )
 
 
 class ResultReviewParams(StageParams):
@@ -169,13 +185,28 @@ class ResultReviewParams(StageParams):
     max_label_shift_stripes: float = Field(
         0.1, gt=0, description="shift of the first hold's stripes against the calibration's worth a warning, stripes"
     )
+    rig_change_warning_rad: float = Field(
+        0.03,
+        gt=0,
+        description="pattern of the first hold beside where the calibration puts it that is worth a warning, radians",
+    )
+    max_rig_change_rad: float = Field(
+        0.6,
+        gt=0,
+        description="error of the scan's phase by a change of slide, lens or rig since the calibration, radians, rms",
+    )
     max_order_disagreement: float = Field(
         0.02, gt=0, le=1, description="share on which snakes and rotation code differ that is worth a warning"
     )
     depth_step_spacings: float = Field(
         8.0, gt=1, description="height between neighbours that parts two surfaces, in spacings of points"
     )
-    bridged_px: int = Field(6, ge=0, le=100, description="gap in a column that does not part a surface, pixels")
+    bridged_px: int = Field(
+        6,
+        ge=0,
+        le=100,
+        description="gap in a column that does not part a surface, pixels of an image of 480 rows, more in larger ones",
+    )
 
 
 class Config(StageParams):

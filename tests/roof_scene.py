@@ -113,3 +113,18 @@ def see_relief(camera: Camera, projector: FloatArray, *, seed: int = 5) -> Scene
 def marks_in_image(camera: Camera) -> FloatArray:
     """(18, 2) px of the marks' centres."""
     return project(camera, roof_target())
+
+
+def projector_place(*, baseline_mm: float = 170.0) -> FloatArray:
+    """(3,) mm, centre of projection of :func:`projector_above`."""
+    return np.array([30.0, -60.0 + baseline_mm, 620.0])
+
+
+def first_stop_above(*, baseline_mm: float = 170.0, turns: float = 30.0) -> FloatArray:
+    """(2, 4) the same projector with the slide at its first stop: ``turns`` periods a tangent, growing with x."""
+    tilt = np.arctan2(baseline_mm, 620.0)
+    depth = np.array([0.0, -np.sin(tilt), -np.cos(tilt)])
+    place = projector_place(baseline_mm=baseline_mm)
+    across = turns * np.array([1.0, 0.0, 0.0]) + 0.7 * depth
+    matrix = np.vstack([np.append(across, -across @ place), np.append(depth, -depth @ place)])
+    return matrix / matrix[1, 3]

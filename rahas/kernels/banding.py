@@ -18,6 +18,7 @@ from rahas.typing import AnyArray, BoolArray, FloatArray
 
 ORDERS = 4
 _BINS = 16
+_ROWS = 64  # looked at together: a pixel takes some hundred bytes on the way to its cell
 _BLOCK_PX = 4
 _STRIPS = 12
 _ZONES = 8
@@ -62,7 +63,7 @@ def deband(unwrapped_phase: AnyArray, *, significance: float = 3.0, passes: int 
 
     Only orders whose ripple is ``significance`` standard deviations are touched.
     """
-    corrected = np.array(unwrapped_phase, dtype=np.float64)
+    corrected = np.array(unwrapped_phase, dtype=np.result_type(unwrapped_phase, np.float32))
     before = measure_banding(corrected)
     if before is None:
         return Debanded(corrected, np.zeros(ORDERS), np.zeros(ORDERS), np.zeros(ORDERS), ())
@@ -73,7 +74,8 @@ def deband(unwrapped_phase: AnyArray, *, significance: float = 3.0, passes: int 
             break
         removed |= standing_out
         kept = banding._replace(coefficients=banding.coefficients * standing_out[:, None])
-        corrected -= banding_error(corrected, kept)
+        for first in range(0, len(corrected), _ROWS):
+            corrected[first : first + _ROWS] -= banding_error(corrected[first : first + _ROWS], kept)
         again = measure_banding(corrected)
         if again is None:
             break
@@ -85,6 +87,7 @@ def deband(unwrapped_phase: AnyArray, *, significance: float = 3.0, passes: int 
 
 def banding_error(unwrapped_phase: AnyArray, banding: Banding) -> FloatArray:
     """The error e(Φ) at each phase, rad."""
+    unwrapped_phase = np.asarray(unwrapped_phase, dtype=np.float64)
     place = (unwrapped_phase - banding.middle) / banding.half_range
     turn = np.exp(1j * unwrapped_phase)
     power = np.ones_like(turn)
@@ -154,30 +157,35 @@ def _power(squares: FloatArray, share: FloatArray) -> FloatArray:
 
 def _projector_grid(unwrapped_phase: AnyArray) -> tuple[FloatArray, FloatArray] | None:
     """Phase minus a smooth surface, mean of each cell (column block, phase bin), and the bins' phases (bin,)."""
-    y, x = np.nonzero(np.isfinite(unwrapped_phase))
-    if y.size < _MIN_CELLS:
+    known = np.isfinite(unwrapped_phase)
+    measured = int(known.sum())
+    if measured < _MIN_CELLS:
         return None
-    value = unwrapped_phase[y, x]
     height, width = unwrapped_phase.shape
-    smooth = _polynomial(2.0 * x / width - 1.0, 2.0 * y / height - 1.0)
-    sample = slice(None, None, max(1, y.size // 20000))
-    relief = value - smooth @ np.linalg.lstsq(smooth[sample], value[sample], rcond=None)[0]
+    sample = np.divmod(np.flatnonzero(known)[:: max(1, measured // 20000)], width)
+    smooth = np.linalg.lstsq(_polynomial(*sample, known.shape), unwrapped_phase[sample].astype(float), rcond=None)[0]
     width_bin = 2.0 * np.pi / _BINS
-    first = int(np.floor(value.min() / width_bin))
-    bins = int(np.floor(value.max() / width_bin)) - first + 1
+    first = int(np.floor(float(np.nanmin(unwrapped_phase)) / width_bin))
+    bins = int(np.floor(float(np.nanmax(unwrapped_phase)) / width_bin)) - first + 1
     blocks = (width + _BLOCK_PX - 1) // _BLOCK_PX
     if not 2 * _BINS < bins < 200_000:
         return None
-    cell = (x // _BLOCK_PX) * bins + np.floor(value / width_bin).astype(np.int64) - first
-    count = np.bincount(cell, minlength=blocks * bins)
-    total = np.bincount(cell, weights=relief, minlength=blocks * bins)
+    count, total = np.zeros(blocks * bins), np.zeros(blocks * bins)
+    for row in range(0, height, _ROWS):
+        y, x = np.nonzero(known[row : row + _ROWS])
+        value = unwrapped_phase[row + y, x].astype(float)
+        relief = value - _polynomial(row + y, x, known.shape) @ smooth
+        cell = (x // _BLOCK_PX) * bins + np.floor(value / width_bin).astype(np.int64) - first
+        count += np.bincount(cell, minlength=blocks * bins)
+        total += np.bincount(cell, weights=relief, minlength=blocks * bins)
     mean: FloatArray = np.full(blocks * bins, np.nan, dtype=np.float64)
     np.divide(total, count, out=mean, where=count > 0)
     phase: FloatArray = (first + np.arange(bins) + 0.5) * width_bin
     return mean.reshape(blocks, bins), phase
 
 
-def _polynomial(x: FloatArray, y: FloatArray) -> FloatArray:
+def _polynomial(row: AnyArray, column: AnyArray, shape: tuple[int, ...]) -> FloatArray:
+    x, y = 2.0 * column / shape[1] - 1.0, 2.0 * row / shape[0] - 1.0
     x2, y2, xy = x * x, y * y, x * y
     return np.stack([np.ones_like(x), x, y, x2, xy, y2, x2 * x, x2 * y, x * y2, y2 * y]).T
 

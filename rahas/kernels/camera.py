@@ -32,6 +32,12 @@ class Camera(NamedTuple):
     centre: FloatArray
     """(2,) px."""
 
+    @property
+    def origin(self) -> FloatArray:
+        """(3,) mm, centre of projection."""
+        origin: FloatArray = -np.linalg.inv(self.matrix[:, :3]) @ self.matrix[:, 3]
+        return origin
+
 
 class CameraFit(NamedTuple):
     """A camera fitted to marks."""

@@ -17,6 +17,9 @@ from rahas.typing import Float32Array, FloatArray, FrameStack
 
 ComplexArray = NDArray[np.complex128]
 
+_LINES = 128
+"""Lines transformed at a time: spectra take some times the image."""
+
 
 class Carrier(NamedTuple):
     """The stripes of one hold."""
@@ -31,15 +34,23 @@ class Carrier(NamedTuple):
 
 def carrier_from_stripes(stripes: FloatArray, *, axis: int) -> Carrier:
     """The analytic signal of ``stripes`` (y, x) along ``axis``: one side of the spectrum, 0.4 … 2.2 of its peak."""
-    along = np.moveaxis(np.asarray(stripes, np.float64), axis, -1)
-    size = along.shape[-1]
-    power = (np.abs(np.fft.rfft(along * np.hanning(size + 2)[1:-1])) ** 2).sum(0)
+    along = np.moveaxis(np.asarray(stripes), axis, -1)
+    lines, size = along.shape
+    window = np.hanning(size + 2)[1:-1]
+    power = np.zeros(size // 2 + 1)
+    parts = [slice(first, first + _LINES) for first in range(0, lines, _LINES)]
+    for part in parts:
+        power += (np.abs(np.fft.rfft(along[part] * window)) ** 2).sum(0)
     power[: max(2, size // 100)] = 0
     peak = int(power.argmax())
     order = np.arange(size)
     band = np.where((order > 0.4 * peak) & (order < min(2.2 * peak, size / 2)), 2.0, 0.0)
-    signal = np.fft.ifft(np.fft.fft(along) * band)
-    wave_number = float(np.angle((signal[:, 1:] * signal[:, :-1].conj()).sum()))
+    signal = np.empty((lines, size), np.result_type(along.dtype, np.complex64))
+    lag_product = 0j
+    for part in parts:
+        signal[part] = np.fft.ifft(np.fft.fft(along[part].astype(np.float64)) * band)
+        lag_product += (signal[part, 1:] * signal[part, :-1].conj()).sum()
+    wave_number = float(np.angle(lag_product))
     return Carrier(np.moveaxis(signal, -1, axis), axis, wave_number)
 
 

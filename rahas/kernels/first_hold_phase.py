@@ -13,6 +13,8 @@ half a turn and is fitted in turn.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -27,7 +29,9 @@ _LAG_SHARE = 0.25  # of the stripe pitch
 _ROUNDS = (1, 1, 2, DEGREE, DEGREE)
 _RIDGE = 1e-4
 
-ComplexArray = NDArray[np.complex128]
+_ROWS = 128  # of the model made at a time
+
+ComplexArray = NDArray[np.complexfloating[Any]]
 
 
 def polynomial_terms(rows: AnyArray, columns: AnyArray, shape: tuple[int, int]) -> FloatArray:
@@ -57,24 +61,39 @@ def first_phase_of_hold(pattern: Float32Array, *, sense: int) -> FloatArray:
     if carrier.wave_number <= 0:
         raise ValueError(f"no stripes along x in the first hold: {carrier.wave_number = :.3g}")
     # along y the carrier hardly turns: a short mean takes out noise and what lies above the stripes' frequency
-    signal = carrier.signal * (pattern != 0)
     lag = max(1, round(_LAG_SHARE * 2 * np.pi / carrier.wave_number))
-    rows, columns = np.arange(pattern.shape[0]), np.arange(pattern.shape[1])
+    signal = carrier.signal.astype(np.complex64)
+    del carrier
+    signal *= pattern != 0
     fit = _from_gradients(signal, lag)
     for degree in _ROUNDS:
-        model = np.tensordot(fit, polynomial_terms(rows[:, None], columns, pattern.shape), 1)
-        fit = fit + _of_residual(signal * np.exp(-2j * np.pi * model), degree)
+        fit = fit + _of_residual(_less_model(signal, fit), degree)
     return fit * sense
+
+
+def _less_model(signal: ComplexArray, fit: FloatArray) -> ComplexArray:
+    """The signal (y, x) with the polynomial's phase taken off."""
+    height, width = signal.shape
+    powers = np.arange(DEGREE + 1)[:, None]
+    table = np.zeros((DEGREE + 1, DEGREE + 1))
+    for (i, j), coefficient in zip(EXPONENTS, fit, strict=True):
+        table[j, i] = coefficient
+    by_x = table @ _scaled(np.arange(width), width) ** powers
+    y = _scaled(np.arange(height), height) ** powers
+    left = np.empty_like(signal)
+    for first in range(0, height, _ROWS):
+        part = slice(first, first + _ROWS)
+        left[part] = signal[part] * np.exp(-2j * np.pi * (y[:, part].T @ by_x))
+    return left
 
 
 def _from_gradients(signal: ComplexArray, lag: int) -> FloatArray:
     """Polynomial without constant whose gradient is the local wave number, weighted by power."""
     height, width = signal.shape
-    along_x = signal[:, lag:] * signal[:, :-lag].conj()
-    along_y = signal[lag:] * signal[:-lag].conj()
     normal, right = _RIDGE * np.eye(len(EXPONENTS)), np.zeros(len(EXPONENTS))
-    for product, axis in ((along_x, 1), (along_y, 0)):
-        sums, at_y, at_x = _cell_sums(product)
+    for axis in (1, 0):
+        along = np.moveaxis(signal, axis, 0)
+        sums, at_y, at_x = _cell_sums(np.moveaxis(along[lag:] * along[:-lag].conj(), 0, axis))
         weight = np.abs(sums).ravel()
         weight = weight / max(float(weight.sum()), 1e-12)
         size = width if axis == 1 else height
@@ -113,10 +132,11 @@ def _cell_sums(field: ComplexArray) -> tuple[ComplexArray, FloatArray, FloatArra
     def over_cells(values: AnyArray) -> AnyArray:
         return np.asarray(np.add.reduceat(np.add.reduceat(values, edges[0], axis=0), edges[1], axis=1))
 
-    power = np.abs(field) + 1e-12
+    power = np.abs(field)
+    power += power.dtype.type(1e-12)
     total = over_cells(power)
-    at_y = over_cells(power * np.arange(field.shape[0])[:, None]) / total
-    at_x = over_cells(power * np.arange(field.shape[1])) / total
+    at_y = over_cells(power * np.arange(field.shape[0], dtype=power.dtype)[:, None]) / total
+    at_x = over_cells(power * np.arange(field.shape[1], dtype=power.dtype)) / total
     return over_cells(field), at_y.ravel(), at_x.ravel()
 
 

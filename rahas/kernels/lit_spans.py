@@ -13,7 +13,7 @@ from rahas.typing import BoolArray, FloatArray
 
 CUTS = 24
 MARGIN = 2  # frames beside the cut: the edge needs a moment to cross a pixel
-CHUNK = 2048  # pixels
+CHUNK_SAMPLES = 400_000  # pixels times frames looked at together
 
 
 def lit_spans(
@@ -39,9 +39,10 @@ def lit_spans(
     phase
         (pixel,), radians, of the cosine.
     """
+    size = max(1, CHUNK_SAMPLES // len(levels))
     parts = [
-        _chunk(levels[:, p : p + CHUNK], delta[:, p : p + CHUNK], noise[p : p + CHUNK], min_arc, tolerance)
-        for p in range(0, levels.shape[1], CHUNK)
+        _chunk(levels[:, p : p + size], delta[:, p : p + size], noise[p : p + size], min_arc, tolerance)
+        for p in range(0, levels.shape[1], size)
     ]
     used, phases = zip(*parts, strict=True)
     return np.concatenate(used, axis=1), np.concatenate(phases)
@@ -51,15 +52,11 @@ def _chunk(
     levels: FloatArray, delta: FloatArray, noise: FloatArray, min_arc: float, tolerance: float
 ) -> tuple[BoolArray, FloatArray]:
     frames, pixels = levels.shape
-    cosine, sine = np.cos(delta), np.sin(delta)
-    one = np.ones_like(cosine)
-    products = (
-        *(one, cosine, sine, cosine * cosine, cosine * sine, sine * sine),
-        *(levels, levels * cosine, levels * sine, levels * levels),
-    )
+    cosine, sine, one = np.cos(delta), np.sin(delta), np.broadcast_to(1.0, delta.shape)
+    pairs = (one, one), (one, cosine), (one, sine), (cosine, cosine), (cosine, sine), (sine, sine)
     sums = np.zeros((frames + 1, pixels, SUMS))
-    for k, product in enumerate(products):
-        np.cumsum(product, axis=0, out=sums[1:, :, k])
+    for k, (f, g) in enumerate((*pairs, (one, levels), (cosine, levels), (sine, levels), (levels, levels))):
+        np.cumsum(f * g, axis=0, out=sums[1:, :, k])
     used, phase = np.zeros((frames, pixels), dtype=bool), np.zeros(pixels)
     lengths = np.unique(np.linspace(frames, frames * 0.3, CUTS).astype(int))[::-1]
     for length in lengths:

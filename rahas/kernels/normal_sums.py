@@ -31,8 +31,11 @@ def solve_sums(sums: AnyArray) -> PlaneFit:
     sums
         (pixel, SUMS) or wider.
     """
-    parts = [_solve_part(sums[first : first + PART]) for first in range(0, len(sums), PART)]
-    return PlaneFit(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+    fit = PlaneFit(*(np.empty(len(sums)) for _ in PlaneFit._fields))
+    for first in range(0, len(sums), PART):
+        for whole, part in zip(fit, _solve_part(sums[first : first + PART]), strict=True):
+            whole[first : first + PART] = part
+    return fit
 
 
 def _solve_part(sums: AnyArray) -> PlaneFit:

@@ -19,6 +19,7 @@ from rahas.typing import AnyArray, BoolArray, Float32Array
 
 MIN_COMMON = 200
 """Pixels named by both, below which nothing is said of offset and disagreement."""
+_ROWS = 128  # voted on at a time
 _DOUBT = 0.08  # confidence of the code that leaves a chance of 1/e to be wrong
 
 
@@ -45,9 +46,9 @@ def label_offset(snake_order: AnyArray, code_order: AnyArray, sure: BoolArray) -
     both = sure & (snake_order != UNKNOWN_ORDER) & (code_order != UNKNOWN_ORDER)
     if np.count_nonzero(both) < MIN_COMMON:
         return None
-    difference = snake_order[both].astype(np.int64) - code_order[both]
-    lowest = int(difference.min())
-    return int(np.bincount(difference - lowest).argmax()) + lowest
+    difference = snake_order[both].astype(np.int32) - code_order[both]
+    values, counts = np.unique(difference, return_counts=True)
+    return int(values[counts.argmax()])
 
 
 def voted_orders(
@@ -63,6 +64,31 @@ def voted_orders(
     A confident code decides, whatever the snakes say: it needs no neighbour and crosses depth steps. An unsure one
     counts where it agrees with the snakes, or where there are none and it is not merely guessing.
     """
+    order, confidence = np.empty(snake_order.shape, np.int16), np.empty(snake_order.shape, np.float32)
+    asked = differing = 0
+    for first in range(0, len(snake_order), _ROWS):
+        rows = slice(first, first + _ROWS)
+        voted = _voted(snake_order[rows], snake_confidence[rows], code_order[rows], code_confidence[rows], offset)
+        order[rows], confidence[rows] = voted.order, voted.confidence
+        asked, differing = asked + voted.asked, differing + voted.differing
+    disagreement = differing / asked if asked >= MIN_COMMON else None
+    return Votes(order, confidence, disagreement, offset)
+
+
+class _Voted(NamedTuple):
+    """Some rows' votes."""
+
+    order: AnyArray
+    confidence: AnyArray
+    asked: int
+    """Pixels known to both, the code confident …"""
+    differing: int
+    """… and the snakes of another mind."""
+
+
+def _voted(
+    snake_order: AnyArray, snake_confidence: AnyArray, code_order: AnyArray, code_confidence: AnyArray, offset: int
+) -> _Voted:
     in_code, in_snakes = code_order != UNKNOWN_ORDER, snake_order != UNKNOWN_ORDER
     code = np.where(in_code, code_order.astype(np.int32) + offset, 0)
     ours = np.where(in_code, code_certainty(code_confidence), 0.0)
@@ -80,6 +106,6 @@ def voted_orders(
     known = by_code | by_snakes
     order = np.where(by_code, code, np.where(by_snakes, snake_order, UNKNOWN_ORDER)).astype(np.int16)
     asked = both & confident
-    count = np.count_nonzero(asked)
-    disagreement = float(np.count_nonzero(asked & ~same) / count) if count >= MIN_COMMON else None
-    return Votes(order, np.where(known, confidence, 0.0).astype(np.float32), disagreement, offset)
+    return _Voted(
+        order, np.where(known, confidence, 0.0), int(np.count_nonzero(asked)), int(np.count_nonzero(asked & ~same))
+    )

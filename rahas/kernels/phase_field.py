@@ -7,7 +7,7 @@ Pixels that the pattern's edge crosses are fitted apart, on the frames in which 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +26,12 @@ REJECT_SIGMAS = 5.0
 REJECT_MODULATION = 0.2
 CROSSED = 2.5  # a pixel whose residual is so many times its neighbours' does not follow the model
 QUANTISATION = 0.3  # grey levels
+NOISE_BINS = 8
+LEAST_KNOWN = 100  # pixels
+KEPT_SAMPLES = 20_000_000  # pixels times frames of a band kept for those fitted apart
+CHUNK_SAMPLES = 400_000  # of these fitted at a time
 
-ReadBlocks = Callable[[], Iterable[AnyArray]]
+ReadBlocks = Callable[[slice], Iterable[AnyArray]]
 
 
 class _Fit(NamedTuple):
@@ -40,48 +44,91 @@ class _Fit(NamedTuple):
     phase_std: FloatArray
 
 
+class NoiseOfLight(NamedTuple):
+    """Residual that a pixel in the light has, from pixels of like brightness."""
+
+    edges: FloatArray  # (bin + 1,), grey levels of background; empty: too few pixels were measured to tell
+    noise: Float32Array  # (bin,), grey levels
+
+    def at(self, background: AnyArray) -> Float32Array:
+        """Grey levels, any shape; infinite where nothing is known."""
+        if not len(self.edges):
+            return np.full(background.shape, np.inf, np.float32)
+        return self.noise[np.searchsorted(self.edges[1:-1], background)]
+
+
 def solve_phase_field(
-    read_blocks: ReadBlocks, unwrapped: AnyArray, field: StepField, *, top_level: float = np.inf
+    read_blocks: ReadBlocks,
+    unwrapped: AnyArray,
+    field: StepField,
+    *,
+    top_level: float = np.inf,
+    bands: Sequence[slice] = (slice(None),),
 ) -> FringeMaps:
     """Fringe maps of the whole field; nothing is said (modulation 0) of a pixel that saw too short an arc.
 
     Parameters
     ----------
     read_blocks
-        Gives the frames of ``field``, in order, in blocks (n, y, x); called twice.
+        Gives some rows (a slice) of the frames of ``field``, in order, in blocks (n, y, x); called twice for each
+        band, and more often where many pixels have to be fitted apart.
     unwrapped
         (y, x), radians, roughly known unwrapped phase of every pixel (it says where in the slide the pixel lies).
     field
         The steps.
     top_level
         Grey level from which on the sensor is saturated: such frames of a pixel are left out.
+    bands
+        Rows that are solved at a time, together the whole field: what they take bounds the memory.
 
     Returns
     -------
     maps
         As from :class:`rahas.kernels.phase_shifting.HarmonicSums`.
     """
-    basis = field.basis(unwrapped.reshape(-1)).astype(np.float32)
     per_frame = np.vstack([field.coefficients.T / TURN, 1.0 / field.gain, field.offset]).astype(np.float32)
     top = np.float32(top_level)
-    start = _first_pass(read_blocks(), per_frame, basis, top)
-    expected = expected_noise(start.background, start.modulation, start.noise)
-    crossed = np.flatnonzero(start.noise > CROSSED * expected)
-    series: list[AnyArray] = []
-    fit = _second_pass(_keeping(read_blocks(), crossed, series), per_frame, basis, top, start, field)
-    if len(crossed):
-        levels = (np.concatenate(series) - field.offset[:, None]) / field.gain[:, None]
-        delta = field.coefficients @ basis[:, crossed]
-        kappa = field.waveform.at(start.background[crossed], start.modulation[crossed])
-        apart = _fit_lit(levels, delta, kappa, expected[crossed])
-        for target, found in zip(fit, apart, strict=True):
-            target[crossed] = found
-    return FringeMaps(
-        *(
-            np.ascontiguousarray(m.reshape(unwrapped.shape), dtype=np.float32)
-            for m in (wrap(fit.phase), fit.background, fit.modulation, fit.phase_std, fit.noise)
-        )
-    )
+    maps = FringeMaps(*(np.empty(unwrapped.shape, np.float32) for _ in FringeMaps._fields))
+    for rows in bands:
+        basis = _basis(field, unwrapped[rows])
+        _put(maps, rows, _first_pass(read_blocks(rows), per_frame, basis, top))
+    noise = noise_of_light(maps.background, maps.modulation, maps.residual_std)
+    for rows in bands:
+        basis, start = _basis(field, unwrapped[rows]), _taken(maps, rows)
+        crossed = np.flatnonzero(start.noise > CROSSED * noise.at(start.background))
+        kept: list[AnyArray] = []
+        if len(crossed) * len(field.gain) <= KEPT_SAMPLES:
+            fit = _second_pass(_keeping(read_blocks(rows), crossed, kept), per_frame, basis, top, start, field)
+        else:
+            fit = _second_pass(read_blocks(rows), per_frame, basis, top, start, field)
+        size = max(1, KEPT_SAMPLES // len(field.gain))
+        for part in (crossed[first : first + size] for first in range(0, len(crossed), size)):
+            if not kept:
+                for _ in _keeping(read_blocks(rows), part, kept):
+                    pass
+            apart = _fit_crossed(np.concatenate(kept), part, basis, start, noise, field)
+            kept.clear()
+            for target, found in zip(fit, apart, strict=True):
+                target[part] = found
+        _put(maps, rows, fit._replace(phase=wrap(fit.phase)))
+    return maps
+
+
+def _basis(field: StepField, unwrapped: AnyArray) -> Float32Array:
+    return np.asarray(field.basis(unwrapped.reshape(-1)), np.float32)
+
+
+def _put(maps: FringeMaps, rows: slice, fit: _Fit) -> None:
+    """Write a band's fit into the maps of the field."""
+    parts = (fit.phase, fit.background, fit.modulation, fit.phase_std, fit.noise)
+    for target, part in zip(maps, parts, strict=True):
+        target[rows] = part.reshape(target[rows].shape)
+
+
+def _taken(maps: FringeMaps, rows: slice) -> _Fit:
+    """What :func:`_put` wrote."""
+    phase, background, modulation, phase_std, noise = (part[rows].reshape(-1) for part in maps)
+    return _Fit(phase, background, modulation, noise, phase_std)
 
 
 def _blocks_of_levels(blocks: Iterable[AnyArray], per_frame: Float32Array) -> Iterator[tuple[AnyArray, Float32Array]]:
@@ -115,16 +162,19 @@ def _second_pass(
 ) -> _Fit:
     pixels = basis.shape[1]
     limit = REJECT_SIGMAS * np.minimum(start.noise, 2.0 * field.noise) + REJECT_MODULATION * start.modulation
-    known = np.column_stack(
-        [start.background, start.modulation, np.cos(start.phase), np.sin(start.phase), limit]
-    ).astype(np.float32)
+    known = np.empty((pixels, 5), np.float32)
+    for column, values in enumerate(
+        (start.background, start.modulation, np.cos(start.phase), np.sin(start.phase), limit)
+    ):
+        known[:, column] = values
     parts = np.empty((2 * len(field.waveform.constant), pixels), np.float32)
     for first in range(0, pixels, PART):
         part = slice(first, first + PART)
         kappa = field.waveform.at(start.background[part], start.modulation[part])
         parts[:, part] = np.concatenate([kappa.real, kappa.imag])
     sums = np.zeros((pixels, SUMS), np.float32)
-    arc = np.full((pixels, 2), [np.inf, -np.inf], np.float32)
+    arc = np.empty((pixels, 2), np.float32)
+    arc[:] = np.inf, -np.inf
     for levels, columns in _blocks_of_levels(blocks, per_frame):
         add_refined(levels, columns, basis, top, known, parts, sums, arc)
     found = solve_sums(sums)
@@ -134,6 +184,21 @@ def _second_pass(
         phase_std = np.where(modulation > 0, found.noise * np.sqrt(found.second_variance) / modulation, np.inf)
     turned = np.arctan2(found.second, start.modulation + found.first)
     return _Fit(start.phase + turned, start.background + found.level, modulation, found.noise, phase_std)
+
+
+def _fit_crossed(
+    levels: AnyArray, pixels: AnyArray, basis: Float32Array, start: _Fit, noise: NoiseOfLight, field: StepField
+) -> _Fit:
+    """Pixels of a band, levels (frame, pixel) as shot, that are lit in some of the frames only."""
+    size = max(1, CHUNK_SAMPLES // len(levels))
+    fits = []
+    for first in range(0, len(pixels), size):
+        own = pixels[first : first + size]
+        seen = (levels[:, first : first + size] - field.offset[:, None]) / field.gain[:, None]
+        delta = field.coefficients @ basis[:, own]
+        kappa = field.waveform.at(start.background[own], start.modulation[own])
+        fits.append(_fit_lit(seen, delta, kappa, noise.at(start.background[own])))
+    return _Fit(*(np.concatenate(column) for column in zip(*fits, strict=True)))
 
 
 def _fit_lit(levels: FloatArray, delta: FloatArray, kappa: AnyArray, noise: FloatArray) -> _Fit:
@@ -156,16 +221,17 @@ def _keeping(blocks: Iterable[AnyArray], pixels: AnyArray, kept: list[AnyArray])
         yield block
 
 
-def expected_noise(background: FloatArray, modulation: FloatArray, noise: FloatArray) -> FloatArray:
-    """Residual that a pixel in the light has, from pixels of like brightness; grey levels, any shape."""
+def noise_of_light(background: AnyArray, modulation: AnyArray, noise: AnyArray) -> NoiseOfLight:
+    """Typical residual ``noise`` of pixels by their background; grey levels, any shape."""
     known = np.isfinite(noise) & (modulation > 3.0 * QUANTISATION)
-    expected = np.full(noise.shape, np.inf)
-    if known.sum() < 100:
-        return expected
-    edges = np.quantile(background[known], np.linspace(0.0, 1.0, 9))
-    bins = np.clip(np.searchsorted(edges, background) - 1, 0, 7)
-    for b in range(8):
-        members = known & (bins == b)
-        if members.any():
-            expected[bins == b] = max(QUANTISATION, float(np.median(noise[members])))
-    return expected
+    if known.sum() < LEAST_KNOWN:
+        return NoiseOfLight(np.empty(0), np.empty(0, np.float32))
+    levels, own = background[known], noise[known]
+    edges = np.quantile(levels, np.linspace(0.0, 1.0, NOISE_BINS + 1))
+    bins = np.searchsorted(edges[1:-1], levels).astype(np.int8)
+    typical = np.full(NOISE_BINS, np.inf, np.float32)
+    for b in range(NOISE_BINS):
+        members = own[bins == b]
+        if len(members):
+            typical[b] = max(QUANTISATION, float(np.median(members)))
+    return NoiseOfLight(edges, typical)

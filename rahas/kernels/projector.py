@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rahas.kernels.levenberg_marquardt import inverse_of_normal, minimise_squares
+from rahas.kernels.projector_lens import NO_LENS, Lens, phase_through_lens
 from rahas.typing import AnyArray, BoolArray, FloatArray
 
 MIN_POINTS = 7
@@ -38,12 +39,17 @@ def phase_of_projector(matrix: FloatArray, world: FloatArray) -> FloatArray:
 
 
 def fit_projector(
-    world: FloatArray, unwrapped_phase: FloatArray, *, start: FloatArray | None = None, gate: float = 4.0
+    world: FloatArray,
+    unwrapped_phase: FloatArray,
+    *,
+    start: FloatArray | None = None,
+    gate: float = 4.0,
+    lens: Lens = NO_LENS,
 ) -> ProjectorFit:
     """Projector matrix by least squares of phase over the points that fit within ``gate`` robust standard deviations.
 
     ``world`` (n, 3) mm on both slopes, ``unwrapped_phase`` (n,) rad. Without ``start`` the linear solution of all
-    points, weighted towards those that agree, begins.
+    points, weighted towards those that agree, begins. The ``lens`` is taken as known.
 
     Raises
     ------
@@ -56,7 +62,7 @@ def fit_projector(
     reach = float(np.abs(world).max()) + 1.0
     turns = float(np.abs(unwrapped_phase).max()) / (2.0 * np.pi) + 1.0
     scale = np.array([turns / reach] * 3 + [turns] + [1.0 / reach] * 3)
-    residual = unwrapped_phase - phase_of_projector(matrix, world)
+    residual = unwrapped_phase - phase_through_lens(matrix, lens, world)
     used = _agreeing(residual, gate)
     for _ in range(4):
         selected, measured = world[used], unwrapped_phase[used]
@@ -64,11 +70,11 @@ def fit_projector(
         def residual_of(
             parameters: FloatArray, points: FloatArray = selected, phases: FloatArray = measured
         ) -> FloatArray:
-            return phases - phase_of_projector(projector_from_parameters(parameters), points)
+            return phases - phase_through_lens(projector_from_parameters(parameters), lens, points)
 
         fit = minimise_squares(residual_of, matrix.ravel()[:7], scale=scale, max_iterations=15)
         matrix = projector_from_parameters(fit.parameters)
-        residual = unwrapped_phase - phase_of_projector(matrix, world)
+        residual = unwrapped_phase - phase_through_lens(matrix, lens, world)
         former, used = used, _agreeing(residual, gate)
         if np.array_equal(former, used):
             break
@@ -82,6 +88,13 @@ def fit_projector(
 def projector_from_parameters(parameters: FloatArray) -> FloatArray:
     """Matrix (2, 4) of m5…m11, m12 = 1."""
     return np.append(parameters[:7], 1.0).reshape(2, 4)
+
+
+def projector_scale(matrix: FloatArray, world: FloatArray) -> FloatArray:
+    """Typical sizes of m5…m11: what moves the phase by about a turn within ``world`` (n, 3)."""
+    reach = float(np.abs(world).max()) + 1.0
+    turns = abs(float(matrix[0, 3])) + 1.0
+    return np.array([turns / reach] * 3 + [turns] + [1.0 / reach] * 3)
 
 
 def phase_at_mark(unwrapped_phase: AnyArray, centre: FloatArray, semi_axes: FloatArray, *, usable: BoolArray) -> float:

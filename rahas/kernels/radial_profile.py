@@ -1,22 +1,41 @@
-"""Radial distortion from marks and dense phase together.
+"""Radial distortion of camera and projector from marks and dense phase together.
 
 Eighteen marks in the middle of the image tell little about the lens at its corners. The phase on the roof's two planes
-reaches further: only with the right k1 is it a projective function of the points that the camera names. The camera's
-matrix stays the marks' own; k1 alone is moved, along the profile of both misfits.
+reaches further: only with the right k1 of both lenses is it what a projector shows at the points that the camera names.
+The camera's matrix stays the marks' own, the projector's matrix the dense phase's; the two k1 alone are moved, along
+the profile of both misfits. A k1 is kept only if leaving it out costs more than ``significance``² of χ².
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
 from rahas.kernels.camera import CameraFit, fit_camera_with_radial
 from rahas.kernels.projector import fit_projector
+from rahas.kernels.projector_lens import NO_LENS, Lens, squared_tangent
 from rahas.kernels.roof import Roof, points_on_roof
-from rahas.typing import FloatArray
+from rahas.typing import FloatArray, IntArray
 
 _EFFECTIVE_POINTS = 400.0  # the phase's errors hang together over many pixels: it never counts as more points than that
 _FINEST_MARK_PX = 0.01
-_STEP_SHARE = 0.002  # of the distance from the centre, at the farthest point
+_FINEST_PHASE_RAD = 0.001
+_STEP_SHARE = 0.002
+_POINTS = 4000
+_ROUNDS = 3
+
+
+class LensFits(NamedTuple):
+    """Both lenses."""
+
+    camera: CameraFit
+    """With its k1, 0 where it is not kept; k1's own variance is in the covariance."""
+    projector_radial: float
+    """k1, 0 where it is not kept."""
+    covariance: FloatArray
+    """(2, 2) of the camera's and the projector's k1; 0 where not kept."""
 
 
 def fit_radial(
@@ -30,40 +49,101 @@ def fit_radial(
     centre: FloatArray,
     start: float,
     significance: float,
-) -> CameraFit:
-    """Camera of the marks ``world`` (n, 3), ``marks_px`` (n, 2) with the k1 that suits them and the phase best.
+    projector_lens: Lens | None = None,
+) -> LensFits:
+    """Camera of the marks ``world`` (n, 3), ``marks_px`` (n, 2) with the k1 of both lenses that suit marks and phase.
 
-    ``pixels`` (m, 2), ``unwrapped_phase`` (m,) on the roof. k1 is 0 unless it is ``significance`` standard deviations
-    off zero; its standard deviation is in the covariance.
+    ``pixels`` (m, 2), ``unwrapped_phase`` (m,) on the roof. ``projector_lens`` tells the projector's centre and where
+    its k1 begins; ``None``: that lens is taken as ideal.
     """
-    farthest = float(np.max(np.sum((pixels - centre) ** 2, axis=1)))
-    step = _STEP_SHARE / farthest
-    some = slice(None, None, max(1, len(pixels) // 4000))
+    some = slice(None, None, max(1, len(pixels) // _POINTS))
     pixels, unwrapped_phase = pixels[some], unwrapped_phase[some]
-
-    def misfit(radial: float) -> tuple[float, float]:
-        fit = fit_camera_with_radial(world, marks_px, centre=centre, radial=radial)
-        points, _ = points_on_roof(fit.camera, roof, pixels)
-        dense = fit_projector(points, unwrapped_phase, start=projector, gate=1e3)
-        return float(np.sum(fit.residual**2)), float(np.mean(dense.residual**2))
-
-    radial, deviation = start, np.inf
-    for _ in range(3):
-        middle = misfit(radial)
-        freedom = max(2 * len(world) - 12, 1)
-        mark_variance = max(middle[0] / freedom, _FINEST_MARK_PX**2)
-        phase_variance = max(middle[1], 1e-6) / min(_EFFECTIVE_POINTS, len(pixels))
-        low, here, high = (
-            m[0] / mark_variance + m[1] / phase_variance for m in (misfit(radial - step), middle, misfit(radial + step))
+    lens = projector_lens or NO_LENS
+    # both k1 are counted in units that move the farthest point by _STEP_SHARE of its distance
+    unit = np.array([_STEP_SHARE / float(np.max(np.sum((pixels - centre) ** 2, axis=1))), 0.0])
+    if projector_lens is not None:
+        points, _ = points_on_roof(
+            fit_camera_with_radial(world, marks_px, centre=centre, radial=start).camera, roof, pixels
         )
-        bend = (low - 2.0 * here + high) / step**2
-        if bend <= 0:
-            break
-        radial -= (high - low) / (2.0 * step) / bend
-        deviation = float(np.sqrt(2.0 / bend))
-    if not abs(radial) > significance * deviation:
-        return fit_camera_with_radial(world, marks_px, centre=centre, radial=0.0)
-    fit = fit_camera_with_radial(world, marks_px, centre=centre, radial=radial)
-    moved = fit_camera_with_radial(world, marks_px, centre=centre, radial=radial + step)
-    slope = np.append((moved.camera.matrix - fit.camera.matrix).ravel()[:11] / step, 1.0)
-    return fit._replace(covariance=fit.covariance + deviation**2 * np.outer(slope, slope))
+        unit[1] = _STEP_SHARE / float(np.max(squared_tangent(projector, lens.centre, points)))
+    free = np.flatnonzero(unit)
+
+    def misfit(counts: FloatArray) -> FloatArray:
+        """Squared residuals of the marks, px², and of the phase, rad² a point."""
+        radial = counts * unit
+        fit = fit_camera_with_radial(world, marks_px, centre=centre, radial=float(radial[0]))
+        points, _ = points_on_roof(fit.camera, roof, pixels)
+        own = lens._replace(radial=float(radial[1]))
+        dense = fit_projector(points, unwrapped_phase, start=projector, gate=1e3, lens=own)
+        return np.array([np.sum(fit.residual**2), np.mean(dense.residual**2)])
+
+    counts: FloatArray = np.array([start, lens.radial]) / np.where(unit > 0, unit, 1.0)
+    bend: FloatArray = np.eye(2)
+    for _ in range(_ROUNDS):
+        here = misfit(counts)
+        variance = np.array(
+            [
+                max(here[0] / max(2 * len(world) - 12, 1), _FINEST_MARK_PX**2),
+                max(here[1], _FINEST_PHASE_RAD**2) / min(_EFFECTIVE_POINTS, len(pixels)),
+            ]
+        )
+        slope, bend = _slope_and_bend(misfit, counts, here, variance, free)
+        own_bend = bend[np.ix_(free, free)]
+        if np.any(np.linalg.eigvalsh(own_bend) <= 0):
+            return LensFits(fit_camera_with_radial(world, marks_px, centre=centre, radial=0.0), 0.0, np.zeros((2, 2)))
+        counts[free] -= np.linalg.solve(own_bend, slope[free])
+    counts, covariance = _kept(counts, bend, free, significance)
+    radial, covariance = counts * unit, covariance * np.outer(unit, unit)
+    fit = fit_camera_with_radial(world, marks_px, centre=centre, radial=float(radial[0]))
+    moved = fit_camera_with_radial(world, marks_px, centre=centre, radial=float(radial[0] + unit[0]))
+    along = np.append((moved.camera.matrix - fit.camera.matrix).ravel()[:11] / unit[0], 1.0)
+    fit = fit._replace(covariance=fit.covariance + covariance[0, 0] * np.outer(along, along))
+    return LensFits(fit, float(radial[1]), covariance)
+
+
+def _slope_and_bend(
+    misfit: Callable[[FloatArray], FloatArray],
+    at: FloatArray,
+    here: FloatArray,
+    variance: FloatArray,
+    free: IntArray,
+) -> tuple[FloatArray, FloatArray]:
+    """Gradient (2,) and second derivatives (2, 2) of χ² by differences of one unit; 0 and 1 where not free."""
+    slope, bend = np.zeros(2), np.eye(2)
+    middle = float(np.sum(here / variance))
+
+    def cost(move: FloatArray) -> float:
+        return float(np.sum(misfit(at + move) / variance))
+
+    for one in free:
+        move = np.eye(2)[one]
+        ahead, behind = cost(move), cost(-move)
+        slope[one], bend[one, one] = (ahead - behind) / 2.0, ahead - 2.0 * middle + behind
+    if len(free) == 2:
+        both = cost(np.ones(2))
+        bend[0, 1] = bend[1, 0] = both - middle - slope.sum() - np.trace(bend) / 2.0
+    return slope, bend
+
+
+def _kept(best: FloatArray, bend: FloatArray, free: IntArray, significance: float) -> tuple[FloatArray, FloatArray]:
+    """The lens terms worth keeping (2,), the others 0, and their covariance (2, 2).
+
+    About its minimum χ² is quadratic: what it costs to hold a term at 0, and where the other then goes, follows.
+    """
+    price: float = np.inf
+    counts, covariance = np.zeros(2), np.zeros((2, 2))
+    for choice in ([], [0], [1], [0, 1]):
+        if not set(choice) <= set(free.tolist()):
+            continue
+        held = [one for one in free.tolist() if one not in choice]
+        values = np.zeros(2)
+        if choice:
+            own = bend[np.ix_(choice, choice)]
+            values[choice] = best[choice] + np.linalg.solve(own, bend[np.ix_(choice, held)] @ best[held])
+        off = values - best
+        own_price = 0.5 * float(off @ bend @ off) + significance**2 * len(choice)
+        if own_price < price:
+            price, counts, covariance = own_price, values, np.zeros((2, 2))
+            if choice:
+                covariance[np.ix_(choice, choice)] = 2.0 * np.linalg.inv(own)
+    return counts, covariance

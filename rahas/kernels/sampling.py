@@ -6,6 +6,8 @@ import numpy as np
 
 from rahas.typing import AnyArray, BoolArray, Float32Array
 
+_ROWS = 32  # filled at a time: a pixel's polynomial terms take twenty times the pixel
+
 
 def evenly_spread(mask: BoolArray, count: int) -> tuple[AnyArray, AnyArray]:
     """About ``count`` pixels of ``mask`` spread evenly over it, always the same ones: (rows, columns)."""
@@ -22,7 +24,6 @@ def with_smooth_guess(values: AnyArray, known: BoolArray, *, degree: int = 3) ->
     """``values`` where ``known``, elsewhere a polynomial in x and y fitted to them. (y, x) arrays."""
     height, width = values.shape
     rows, columns = evenly_spread(known, 4000)
-    y, x = np.mgrid[0:height, 0:width]
 
     def terms(r: AnyArray, c: AnyArray) -> AnyArray:
         v, u = 2.0 * r / max(1, height - 1) - 1.0, 2.0 * c / max(1, width - 1) - 1.0
@@ -30,5 +31,10 @@ def with_smooth_guess(values: AnyArray, known: BoolArray, *, degree: int = 3) ->
 
     fit = np.linalg.lstsq(terms(rows, columns), values[rows, columns], rcond=None)[0]
     low, high = values[known].min(), values[known].max()
-    guess = np.clip(terms(y, x) @ fit, low - np.pi, high + np.pi)
-    return np.where(known, values, guess).astype(np.float32)
+    filled = np.array(values, dtype=np.float32)
+    for first in range(0, height, _ROWS):
+        part = slice(first, first + _ROWS)
+        y, x = np.mgrid[first : min(first + _ROWS, height), 0:width]
+        guess = np.clip(terms(y, x) @ fit, low - np.pi, high + np.pi)
+        np.copyto(filled[part], guess, where=~known[part], casting="same_kind")
+    return filled

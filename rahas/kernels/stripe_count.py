@@ -13,6 +13,7 @@ MIN_PITCH_PX = 6.0
 """Finer stripes than this cannot be followed from frame to frame."""
 MIN_STRIPES = 2.5
 """Fewer periods than this over the canvas cannot be told from a gradient of light."""
+_LINES = 128  # transformed at a time
 _TILT_LIMIT = 0.45
 """Largest |fx / fy| of stripes that count as horizontal (24°)."""
 
@@ -47,11 +48,16 @@ def find_num_snakes(columns: AnyArray) -> StripeCount:
         raise ValueError(f"{rows_seen.size = } canvas rows show the image, expected {MIN_STRIPES * MIN_PITCH_PX:.0f}")
     span = int(rows_seen[-1] - rows_seen[0] + 1)
     fx_size, fy_size = cv2.getOptimalDFTSize(nx), cv2.getOptimalDFTSize(2 * ny)
-    window = np.hanning(nx)[:, None] * np.ones(ny)
-    window[:, rows_seen[0] : rows_seen[-1] + 1] *= np.hanning(span)
-    power = np.abs(np.fft.rfft2(columns * window, (fx_size, fy_size))) ** 2
+    window = np.ones(ny)
+    window[rows_seen[0] : rows_seen[-1] + 1] = np.hanning(span)
+    fy = np.fft.rfftfreq(fy_size)
+    fy = fy[: int(np.searchsorted(fy, 1 / MIN_PITCH_PX)) + 2]  # what lies above is not looked at
+    spectrum = np.empty((nx, fy.size), np.complex128)
+    for x in range(0, nx, _LINES):
+        lines = columns[x : x + _LINES] * (np.hanning(nx)[x : x + _LINES, None] * window)
+        spectrum[x : x + _LINES] = np.fft.rfft(lines, fy_size)[:, : fy.size]
+    power = np.abs(np.fft.fft(spectrum, fx_size, axis=0)) ** 2
     fx = np.abs(np.fft.fftfreq(fx_size))[:, None]
-    fy = np.fft.rfftfreq(fy_size)[None, :]
     band = (fy >= MIN_STRIPES / span) & (fy <= 1 / MIN_PITCH_PX) & (fx <= _TILT_LIMIT * fy)
     searched = np.where(band, power, 0.0)
     best_x, best_y = np.unravel_index(int(np.argmax(searched)), searched.shape)

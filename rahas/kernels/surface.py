@@ -5,7 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from rahas.typing import BoolArray, FloatArray
+from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray
+
+_BAND_PIXELS = 1 << 16
+"""A pixel takes some hundred bytes on the way to its normal."""
 
 
 def surface_mask(
@@ -24,12 +27,16 @@ def surface_mask(
     """
     depth = distance.astype(np.float32)
     measured = np.isfinite(depth)
-    noise = np.where(np.isfinite(distance_std), distance_std, 0.0).astype(np.float32)
-    allowed = np.where(measured, depth, 0.0) * np.float32(pixel_angle * np.tan(np.deg2rad(max_slope_deg)))
-    allowed = (allowed + 4.0 * np.float32(np.sqrt(2.0)) * noise).astype(np.float32)
-    filled = np.where(measured, depth, local_mean(distance[..., None], radius=2)[..., 0].astype(np.float32))
-    filled = np.nan_to_num(filled, nan=0.0)
+    noise = np.where(np.isfinite(distance_std), distance_std, np.float32(0.0)).astype(np.float32, copy=False)
+    allowed = np.where(measured, depth, np.float32(0.0))
+    allowed *= np.float32(pixel_angle * np.tan(np.deg2rad(max_slope_deg)))
+    noise *= np.float32(4.0 * np.sqrt(2.0))
+    allowed += noise
+    del noise
+    filled = np.where(measured, depth, local_mean(depth[..., None], radius=2)[..., 0])
+    filled = np.nan_to_num(filled, copy=False, nan=0.0)
     kept = measured & (np.abs(depth - cv2.medianBlur(filled, 5)) < 2.0 * allowed)
+    del filled
     step = np.zeros(depth.shape, dtype=np.bool_)
     for axis in (0, 1):
         before, after = _halves(axis)
@@ -38,6 +45,7 @@ def surface_mask(
         step[before] |= jump
         step[after] |= jump
     kept &= ~step
+    del step, allowed, depth
     _, labels, stats, _ = cv2.connectedComponentsWithStats(kept.astype(np.uint8), connectivity=8)
     large = stats[:, cv2.CC_STAT_AREA] >= min_piece_px
     large[0] = False
@@ -45,11 +53,22 @@ def surface_mask(
     return mask
 
 
-def normals_of_grid(points: FloatArray, toward: FloatArray, *, radius: int = 2) -> FloatArray:
+def normals_of_grid(points: AnyArray, toward: FloatArray, *, radius: int = 2) -> Float32Array:
     """Unit normals (y, x, 3) of organised ``points`` (y, x, 3), on the side of ``toward`` (3,); NaN where no point is.
 
     Points are averaged over (2·radius + 1)² pixels first. A point without neighbours looks at ``toward``.
     """
+    height, width = points.shape[:2]
+    normals = np.empty(points.shape, np.float32)
+    size, margin = max(1, _BAND_PIXELS // width), radius + 1
+    for first in range(0, height, size):
+        above, stop = max(0, first - margin), min(first + size, height)
+        band = np.asarray(points[above : stop + margin], dtype=np.float64)
+        normals[first:stop] = _normals(band, toward, radius)[first - above : stop - above]
+    return normals
+
+
+def _normals(points: FloatArray, toward: FloatArray, radius: int) -> FloatArray:
     measured = np.isfinite(points[..., 0])
     smooth = local_mean(points, radius=radius)
     across, down = _difference(smooth, 1), _difference(smooth, 0)
@@ -65,19 +84,21 @@ def normals_of_grid(points: FloatArray, toward: FloatArray, *, radius: int = 2) 
 
 
 def local_mean(values: FloatArray, *, radius: int) -> FloatArray:
-    """Mean (y, x, n) over a square window of what is measured in it; NaN where nothing is."""
+    """Mean (y, x, n) over a square window of what is measured in it; NaN where nothing is. The dtype stays."""
     measured = np.isfinite(values[..., 0])
     side = (2 * radius + 1, 2 * radius + 1)
-    count = cv2.boxFilter(measured.astype(np.float64), -1, side, normalize=False, borderType=cv2.BORDER_CONSTANT)
-    filled = np.where(measured[..., None], values, 0.0).astype(np.float64)
+    kind = values.dtype.type
+    count = cv2.boxFilter(measured.astype(kind), -1, side, normalize=False, borderType=cv2.BORDER_CONSTANT)
+    filled = np.where(measured[..., None], values, kind(0.0))
     layers = [
         cv2.boxFilter(filled[..., i], -1, side, normalize=False, borderType=cv2.BORDER_CONSTANT)
         for i in range(values.shape[-1])
     ]
     some = count > 0.5
-    mean: FloatArray = np.where(
-        some[..., None], np.stack(layers, axis=-1) / np.where(some, count, 1.0)[..., None], np.nan
-    )
+    count[~some] = 1.0
+    mean: FloatArray = np.stack(layers, axis=-1)
+    mean /= count[..., None]
+    mean[~some] = np.nan
     return mean
 
 

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 
 from rahas.kernels.camera import Camera
-from rahas.kernels.projector import ProjectorFit, fit_projector, phase_of_projector
+from rahas.kernels.projector import ProjectorFit, fit_projector
+from rahas.kernels.projector_lens import NO_LENS, Lens, phase_through_lens
 from rahas.kernels.roof import Roof, near_marks, points_on_roof, within_marks
 from rahas.kernels.triangulation import pixel_grid
 from rahas.typing import AnyArray, BoolArray, FloatArray
@@ -39,11 +40,12 @@ def fit_projector_on_roof(
     mark_radius_mm: float,
     margin_mm: float,
     start: FloatArray | None,
+    lens: Lens = NO_LENS,
 ) -> TargetPhaseFit:
     """Fit the projector between the marks, then on all that agrees with the two planes and hangs together with them.
 
-    ``marks`` (m, 3) all marks of the table; ``start`` (2, 4) the projector of the marks' own phases. Around the marks
-    and along the ridge, where a pixel mixes two phases, nothing is used.
+    ``marks`` (m, 3) all marks of the table; ``start`` (2, 4) the projector of the marks' own phases; ``lens`` is taken
+    as known. Around the marks and along the ridge, where a pixel mixes two phases, nothing is used.
 
     Raises
     ------
@@ -62,26 +64,20 @@ def fit_projector_on_roof(
     inner = clear & within_marks(points, marks, margin_mm=margin_mm)
     if inner.sum() < 100:
         raise ValueError(f"{int(inner.sum())} points with phase between the marks, 100 are needed")
-    fit = fit_projector(points[inner], value.ravel()[inner], start=start, gate=_GATE)
+    fit = fit_projector(points[inner], value.ravel()[inner], start=start, gate=_GATE, lens=lens)
     share = float(fit.used.mean())
     used = inner.copy()
     used[inner] = fit.used
     for _ in range(2):
         residual = np.full(value.size, np.inf)
-        whole = fit_residual(fit.matrix, points[clear], value.ravel()[clear])
-        residual[clear] = whole
+        residual[clear] = value.ravel()[clear] - phase_through_lens(fit.matrix, lens, points[clear])
         limit = max(_GATE * fit.sigma_rad, _MIN_GATE_RAD)
         used = _joined(np.reshape(np.abs(residual) < limit, shape), np.reshape(inner, shape)).ravel()
         if used.sum() < 100:
             break
-        fit = fit_projector(points[used], value.ravel()[used], start=fit.matrix, gate=_GATE)
+        fit = fit_projector(points[used], value.ravel()[used], start=fit.matrix, gate=_GATE, lens=lens)
     flat = grid.reshape(-1, 2)
     return TargetPhaseFit(fit, flat[used], points[used], share)
-
-
-def fit_residual(projector: FloatArray, points: FloatArray, unwrapped_phase: FloatArray) -> FloatArray:
-    """Measured minus predicted phase (n,), rad."""
-    return unwrapped_phase - phase_of_projector(projector, points)
 
 
 def _joined(agreeing: BoolArray, seed: BoolArray) -> BoolArray:

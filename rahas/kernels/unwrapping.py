@@ -100,7 +100,7 @@ def grow_orders(order: AnyArray, wrapped: AnyArray, measured: BoolArray, *, step
     A pixel takes the order that makes its phase continue a neighbour's; it stays unknown where its neighbours
     disagree or the phase jumps by more than ``tolerance`` radians, as it does at a depth step.
     """
-    return _grow(order, wrapped.astype(np.float32), measured, steps, tolerance)
+    return _grow(order, wrapped.astype(np.float32, copy=False), measured, steps, tolerance)
 
 
 @numba.njit(cache=True)

@@ -26,6 +26,7 @@ class CodeBase:
         """``root`` is the folder of the package itself; ``cache`` a file in which what was read of it may be kept."""
         self._modules = read_package(root, PACKAGE, cache=cache)
         self._reaches: dict[tuple[str, str], frozenset[tuple[str, str]]] = {}
+        self._fingerprints: dict[str, str] = {}
 
     def definitions(self, entry: str) -> dict[str, str]:
         """Digest of each definition that ``entry`` (``module:function``) reaches, by its qualified name."""
@@ -44,7 +45,9 @@ class CodeBase:
 
     def fingerprint(self, entry: str) -> str:
         """One digest over :meth:`definitions`."""
-        return digest_of_json(self.definitions(entry))
+        if entry not in self._fingerprints:
+            self._fingerprints[entry] = digest_of_json(self.definitions(entry))
+        return self._fingerprints[entry]
 
     def _definition(self, module: str, name: str) -> Definition | None:
         found = self._modules.get(module)

@@ -6,17 +6,19 @@ there is no artifact.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from rahas import __version__
-from rahas.stores.atomic import read_json, write_json
+from rahas.stores.atomic import read_json, write_text
 from rahas.stores.digests import digest_of_json
 
-SCHEMA = 1
+SCHEMA = 2
 
 MAKING = "making"  # being made, or its maker was killed: there is no artifact
 MADE = "made"
@@ -38,7 +40,7 @@ class Recipe:
     @property
     def key(self) -> str:
         """Digest of the recipe's canonical form."""
-        return digest_of_json(asdict(self))
+        return digest_of_json(vars(self))
 
 
 @dataclass(frozen=True)
@@ -52,9 +54,23 @@ class Record:
     rahas: str = __version__
     schema: int = SCHEMA
 
+    @property
+    def seal(self) -> str:
+        """Digest of all that the record says: an edit of the file breaks it."""
+        return digest_of_json(self._content())
+
+    def text(self) -> str:
+        """The one text of the record's file, so that no byte of it can change unseen."""
+        content = self._content()
+        whole = {**content, "seal": digest_of_json(content)}
+        return json.dumps(whole, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+
+    def _content(self) -> dict[str, Any]:
+        return {**vars(self), "recipe": vars(self.recipe), "key": self.recipe.key}
+
     def write(self, path: Path) -> None:
         """Write the record atomically."""
-        write_json(path, {**asdict(self), "key": self.recipe.key})
+        write_text(path, self.text())
 
 
 def read_record(path: Path) -> Record | None:
@@ -63,7 +79,7 @@ def read_record(path: Path) -> Record | None:
         raw = read_json(path)
         if raw["schema"] != SCHEMA:
             return None
-        raw.pop("key")
+        del raw["key"], raw["seal"]
         return Record(**{**raw, "recipe": Recipe(**raw["recipe"])})
     except (OSError, ValueError, KeyError, TypeError):
         return None
@@ -71,4 +87,9 @@ def read_record(path: Path) -> Record | None:
 
 def library_versions(*names: str) -> dict[str, str]:
     """Installed versions of the libraries that can change a stage's numbers."""
-    return {name: version(name) for name in sorted(names)}
+    return {name: _version(name) for name in sorted(names)}
+
+
+@lru_cache
+def _version(name: str) -> str:
+    return version(name)  # reads and parses a file: once a process, not once a stage and row

@@ -70,7 +70,8 @@ def _labels(metrics: Metrics, params: ResultReviewParams) -> list[Finding]:
     """Warnings about the stripes' numbers: whether slide and lens were as in the calibration, and two ways agree."""
     warnings: list[Finding] = []
     moved = metrics.get("label_residual_stripes")
-    if moved is not None and moved > params.max_label_shift_stripes:
+    finer = metrics.get("calibration_phase_offset_rad")
+    if finer is None and moved is not None and moved > params.max_label_shift_stripes:
         warnings.append(
             finding(
                 "calibration",

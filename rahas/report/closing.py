@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rahas.report.pages import Card
-from rahas.report.words import VERDICT_WORDS, deciding_findings, finding_line
+from rahas.report.words import VERDICT_WORDS, deciding_findings, finding_line, plain
 
 
 def closing_lines(cards: Sequence[Card]) -> str:
@@ -30,13 +30,8 @@ def _why(card: Card) -> str:
     if card.qa is None:
         return "its job failed or has not run; the same command tries again"
     deciding = "; ".join(
-        _plain(f"{finding.get('rule', '')}: {finding_line(finding)}") for finding in deciding_findings(card.qa)
+        plain(f"{finding.get('rule', '')}: {finding_line(finding)}") for finding in deciding_findings(card.qa)
     )
     if card.qa.get("overridden"):
         return f"let through by include_rejected; {deciding}".removesuffix("; ")
     return deciding
-
-
-def _plain(text: str) -> str:
-    """One line without control characters: what is in a file's name must not steer a terminal."""
-    return " ".join("".join(c if c.isprintable() else " " for c in text).split())

@@ -16,12 +16,22 @@ FAINT_INK = (110, 116, 120)
 _HATCH_GROUND, _HATCH_LINE = (226, 231, 233), (203, 209, 212)
 _HATCH_PERIOD_PX = 8
 
+
+def _signed_map() -> np.ndarray:
+    """Colour table (256, 1, 3): blue below zero, paper at zero, red above; equally dark at both ends."""
+    stops = np.array([[96, 36, 8], [196, 130, 66], PAPER, [92, 110, 214], [28, 20, 106]], dtype=np.float64)
+    places = np.linspace(0.0, 255.0, len(stops))
+    table = [np.interp(np.arange(256), places, stops[:, channel]) for channel in range(3)]
+    return np.stack(table, axis=1).round().astype(np.uint8)[:, None, :]
+
+
 _MAPS = {
     "depth": cv2.COLORMAP_VIRIDIS,
     "order": cv2.COLORMAP_VIRIDIS,
     "cyclic": cv2.COLORMAP_TWILIGHT,
     "strength": cv2.COLORMAP_INFERNO,
     "quality": cv2.COLORMAP_CIVIDIS,
+    "signed": _signed_map(),
 }
 
 
@@ -35,7 +45,7 @@ class Scale(NamedTuple):
     unit
         Written beside the bar; empty for a pure number.
     colours
-        ``depth``, ``order``, ``cyclic``, ``strength`` or ``quality``.
+        ``depth``, ``order``, ``cyclic``, ``strength``, ``quality`` or ``signed``.
     labels
         What to write at low, middle and high instead of the numbers.
     """

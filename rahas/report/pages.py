@@ -91,6 +91,11 @@ def render_index(cards: Sequence[Card]) -> str:
     return template.render(sites=sites, counts=counts, dates=dates, total=len(cards))
 
 
+def template(name: str) -> jinja2.Template:
+    """A template by its file's name, for a page that another module fills."""
+    return _environment().get_template(name)
+
+
 @cache
 def _environment() -> jinja2.Environment:
     environment = jinja2.Environment(

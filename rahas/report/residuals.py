@@ -6,7 +6,7 @@ import math
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from rahas.report.words import metric_label, metric_unit, value_text
+from rahas.report.words import metric_label, metric_unit, number, value_text
 
 _COLUMNS = (
     ("mark", "mark", "d"),
@@ -41,10 +41,22 @@ def model_facts(calibration: Mapping[str, Any] | None, *, told: Collection[str] 
     camera = calibration.get("camera") or {}
     if "width_px" in camera and "height_px" in camera:
         facts.append(("camera", f"{camera['width_px']} × {camera['height_px']} px"))
-    if "radial" in camera:
-        facts.append(("radial distortion k1", value_text(camera["radial"])))
+    std = calibration.get("standard_deviations") or {}
+    if "radial" in camera and "centre_px" in camera:
+        corner = 100.0 * sum(float(c) ** 2 for c in camera["centre_px"])  # per cent a unit of k1
+        share = _with_std(corner * camera["radial"], corner * std.get("camera_radial", 0.0))
+        facts.append(("camera's distortion at the image's corner", f"{share} %"))
+    projector = calibration.get("projector") or {}
+    if "radial" in projector:
+        share = _with_std(projector["radial"], std.get("projector_radial", 0.0))
+        facts.append(("projector's distortion k1, of squared tangents off its axis", share))
     facts.append(("texture camera", "modelled" if calibration.get("texture_camera") else "none"))
     return facts
+
+
+def _with_std(value: float, std: float) -> str:
+    """A value and, where it was fitted, its standard deviation."""
+    return f"{number(value, span=std)} ± {number(std, span=std)}" if std else number(value)
 
 
 def surface_facts(attributes: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -90,3 +90,8 @@ def deciding_findings(qa: Mapping[str, Any] | None) -> list[Mapping[str, Any]]:
 def verdict_of(qa: Mapping[str, Any] | None) -> str:
     """Verdict of a qa.json; empty for a row that has none yet."""
     return "" if qa is None else str(qa.get("verdict", ""))
+
+
+def plain(text: str) -> str:
+    """One line without control characters: what is in a file's name must not steer a terminal."""
+    return " ".join("".join(c if c.isprintable() else " " for c in text).split())

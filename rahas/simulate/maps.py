@@ -75,7 +75,7 @@ def lamp_light_at(surface: Surface, points: FloatArray, projector: Projector) ->
 
 
 def slide_coordinates(points: FloatArray, projector: Projector) -> tuple[FloatArray, FloatArray]:
-    """(u, v) at which points (…, 3) are seen from the projector."""
+    """(u, v) at which points (…, 3) are seen from the projector, its lens taken as ideal."""
     right, down, forward = np.moveaxis((points - projector.centre) @ projector.axes.T, -1, 0)
     return right / forward / projector.tangent, down / forward / projector.tangent
 
@@ -104,7 +104,9 @@ def maps_of(capture: CaptureSpec, surface: Surface) -> Maps:
 
 def lit_of(maps: Maps, rig: RigSpec) -> BoolArray:
     """Pixels (y, x) that the lamp reaches through the slide's aperture at the reference slide position."""
-    inside = (np.abs(maps.u) < rig.aperture) & (np.abs(maps.v) < rig.aperture)
+    bend = rig.projector_radial_k1 * np.tan(np.deg2rad(rig.half_field_deg)) ** 2
+    swell = 1 + bend * (maps.u**2 + maps.v**2)
+    inside = np.maximum(np.abs(maps.u), np.abs(maps.v)) * swell < rig.aperture
     return np.asarray(inside & (maps.light > 0.02 * maps.albedo))
 
 

@@ -3,6 +3,8 @@
 Pattern phase (thesis B.1): ψ = π·stripes·[(u' − u0)·cos θ + (v' − v0)·sin θ], (u', v') the slide point that lights
 the pixel now. A tilt τ of the projector about its own x axis gives, with s the tangent of the half field,
 v' = tan(atan(s·v) − τ)/s and u' = u / (cos τ·(1 + s·v·tan τ)); a true translation gives v' = v − d.
+The projector's lens takes the ideal slide point to that times 1 + k1·s²·(u² + v²), after a tilt, before a translation.
+A slide that sits askew in its holder shifts ψ by the same phase at every angle.
 A phase that moves evenly from ψ₁ to ψ₂ during the exposure shows cos((ψ₁ + ψ₂)/2)·sinc((ψ₂ − ψ₁)/2).
 """
 
@@ -63,11 +65,12 @@ def _lit_pattern(
 ) -> None:
     """Lamp light of the rows first, first + step, … into ``out``.
 
-    ``slide``: stripes/2, u0, v0, s, half aperture, contrast, second harmonic.
+    ``slide``: stripes/2, u0, v0, s, half aperture, contrast, second harmonic, k1·s², shift in turns.
     ``rows`` (y, 7): cos θ, sin θ, crank at the start of the row's exposure, the same at its end, lamp.
     """
     half_stripes, u0, v0, s = np.float32(slide[0]), np.float32(slide[1]), np.float32(slide[2]), np.float32(slide[3])
     aperture, contrast, second = np.float32(slide[4]), np.float32(slide[5]), np.float32(slide[6])
+    bend, shift = np.float32(slide[7]), np.float32(slide[8])
     one, half, radius, soft = np.float32(1), np.float32(0.5), np.float32(0.25 * slide[4]), np.float32(1 / 0.012)
     for i in range(first, out.shape[0], step):
         cos_1, sin_1, cos_2, sin_2 = (
@@ -86,10 +89,13 @@ def _lit_pattern(
                 share_1, share_2 = one / (one + s * b * tan_1), one / (one + s * b * tan_2)
                 u_1, u_2 = a * across_1 * share_1, a * across_2 * share_2
                 v_1, v_2 = (b - tan_1 / s) * share_1, (b - tan_2 / s) * share_2
+                swell_1, swell_2 = one + bend * (u_1 * u_1 + v_1 * v_1), one + bend * (u_2 * u_2 + v_2 * v_2)
+                u_1, u_2, v_1, v_2 = u_1 * swell_1, u_2 * swell_2, v_1 * swell_1, v_2 * swell_2
             else:
-                u_1, u_2, v_1, v_2 = a, a, b - way_1, b - way_2
-            turns_1 = half_stripes * ((u_1 - u0) * cos_1 + (v_1 - v0) * sin_1)
-            turns_2 = half_stripes * ((u_2 - u0) * cos_2 + (v_2 - v0) * sin_2)
+                swell_1 = one + bend * (a * a + b * b)
+                u_1, u_2, v_1, v_2 = a * swell_1, a * swell_1, b * swell_1 - way_1, b * swell_1 - way_2
+            turns_1 = half_stripes * ((u_1 - u0) * cos_1 + (v_1 - v0) * sin_1) + shift
+            turns_2 = half_stripes * ((u_2 - u0) * cos_2 + (v_2 - v0) * sin_2) + shift
             middle = half * (turns_1 + turns_2)
             swing = np.float32(math.pi) * (turns_2 - turns_1)
             swing = swing * swing
@@ -142,8 +148,19 @@ def _cubic(t: float) -> tuple[np.float32, np.float32, np.float32, np.float32]:
 def slide_constants(rig: RigSpec) -> FloatArray:
     """The rig's numbers that :func:`_lit_pattern` wants."""
     tangent = np.tan(np.deg2rad(rig.half_field_deg))
+    bend, shift = rig.projector_radial_k1 * tangent**2, rig.slide_shift_rad / (2 * np.pi)
     return np.array(
-        [rig.stripes / 2, rig.centre_u, rig.centre_v, tangent, rig.aperture, rig.contrast, rig.second_harmonic]
+        [
+            rig.stripes / 2,
+            rig.centre_u,
+            rig.centre_v,
+            tangent,
+            rig.aperture,
+            rig.contrast,
+            rig.second_harmonic,
+            bend,
+            shift,
+        ]
     )
 
 
@@ -165,13 +182,14 @@ def pattern_phase(
     crank: FloatArray | float,
 ) -> FloatArray:
     """ψ in rad at reference slide points (u, v) for a slide angle and a crank position: the slow, exact form."""
+    tangent = np.tan(np.deg2rad(rig.half_field_deg))
     if rig.crank == "tilt":
-        tangent = np.tan(np.deg2rad(rig.half_field_deg))
         share = 1 / (1 + tangent * v * np.tan(crank))
         u, v = u / np.cos(crank) * share, (v - np.tan(crank) / tangent) * share
-    else:
-        v = v - crank
-    return np.asarray(np.pi * rig.stripes * ((u - rig.centre_u) * np.cos(theta) + (v - rig.centre_v) * np.sin(theta)))
+    swell = 1 + rig.projector_radial_k1 * tangent**2 * (u * u + v * v)
+    u, v = u * swell, v * swell - (0 if rig.crank == "tilt" else crank)
+    turned = (u - rig.centre_u) * np.cos(theta) + (v - rig.centre_v) * np.sin(theta)
+    return np.asarray(np.pi * rig.stripes * turned + rig.slide_shift_rad)
 
 
 def add_pattern(

@@ -63,7 +63,10 @@ def projector_of_rig(rig: RigSpec) -> Projector:
     down = np.array([0.0, -np.cos(toe_in), np.sin(toe_in)])
     forward = np.array([0.0, -np.sin(toe_in), -np.cos(toe_in)])
     turn = rotation_about_z(rig.baseline_tilt_deg)
-    axes = np.stack([np.array([1.0, 0.0, 0.0]), down, forward]) @ turn.T
+    yaw, roll = np.deg2rad(rig.projector_yaw_deg), np.deg2rad(rig.projector_roll_deg)
+    about_down = np.array([[np.cos(yaw), 0, np.sin(yaw)], [0, 1, 0], [-np.sin(yaw), 0, np.cos(yaw)]])
+    about_axis = np.array([[np.cos(roll), np.sin(roll), 0], [-np.sin(roll), np.cos(roll), 0], [0, 0, 1]])
+    axes = about_axis @ about_down @ np.stack([np.array([1.0, 0.0, 0.0]), down, forward]) @ turn.T
     centre = np.array([0.0, 0.0, rig.working_distance_mm]) + turn @ np.array([0.0, rig.baseline_mm, 0.0])
     return Projector(centre, axes, float(np.tan(np.deg2rad(rig.half_field_deg))))
 
@@ -107,10 +110,11 @@ def camera_matrix(eye: Eye, rotation: FloatArray, origin: FloatArray) -> FloatAr
 
 
 def projector_matrix(rig: RigSpec, projector: Projector, rotation: FloatArray, origin: FloatArray) -> FloatArray:
-    """M^p (2, 4), target frame → Φ / 2π at the reference slide position, m12 = 1 (thesis 2.10)."""
+    """M^p (2, 4), target frame → Φ / 2π at the reference slide position but for the lens, m12 = 1 (thesis 2.10)."""
     stop = np.deg2rad(rig.second_stop_deg)
     along = np.cos(stop) * projector.axes[0] + np.sin(stop) * projector.axes[1]
     constant = np.cos(stop) * rig.centre_u + np.sin(stop) * rig.centre_v
+    constant -= rig.slide_shift_rad / (np.pi * rig.stripes)
     rows = rig.stripes / 2 * np.stack([along / projector.tangent - constant * projector.axes[2], projector.axes[2]])
     rows[1] *= 2 / rig.stripes
     matrix = rows @ np.hstack([rotation, (origin - projector.centre)[:, None]])

@@ -24,10 +24,16 @@ class RigSpec(Spec):
     baseline_mm: float = Field(200.0, gt=1)
     baseline_tilt_deg: float = Field(0.0, ge=-15, le=15, description="turn of rig's baseline in the image")
     toe_in_deg: float | None = Field(None, description="projector's downward pitch; empty: aimed at the scene's origin")
+    projector_yaw_deg: float = Field(0.0, ge=-5, le=5, description="turn of the projector about its own upright axis")
+    projector_roll_deg: float = Field(0.0, ge=-5, le=5, description="turn of the projector about its optical axis")
+    projector_radial_k1: float = Field(
+        0.0, ge=-0.5, le=0.5, description="slide point = ideal·(1 + k1·r²), r tangent of the angle off the axis"
+    )
     half_field_deg: float = Field(17.0, gt=2, lt=45, description="from the projector's axis to slide coordinate 1")
     stripes: int = Field(24, ge=2, le=200, description="pattern periods over slide coordinates −1 to 1")
     centre_u: float = Field(0.0, description="slide's centre of rotation")
     centre_v: float = 0.0
+    slide_shift_rad: float = Field(0.0, description="slide moved in its holder across its stripes, pattern phase")
     first_stop_deg: float = Field(0.0, ge=-5, le=5, description="slide angle at the first stop")
     second_stop_deg: float = Field(90.0, ge=80, le=100)
     crank: Literal["tilt", "translation"] = Field(

@@ -93,6 +93,7 @@ def truth_of(capture: CaptureSpec, maps: Maps, motion: Motion, shows: IntArray) 
         "texture_matrix": camera_matrix(texture_eye(rig), rotation, origin),
         "projector_matrix": projector_matrix(rig, projector_of_rig(rig), rotation, origin),
         "radial_k1": np.array(rig.radial_k1),
+        "projector_radial_k1": np.array(rig.projector_radial_k1),
         "stripes": np.array(rig.stripes),
         "verdict": np.array(capture.expected),
         "rule": np.array(capture.expected_rule),

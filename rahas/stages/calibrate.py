@@ -7,14 +7,15 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rahas.errors import CaptureProblem
-from rahas.kernels.mark_identity import mark_spacing
-from rahas.kernels.projector import MIN_POINTS, fit_projector, phase_at_mark
-from rahas.kernels.radial_profile import fit_radial
+from rahas.kernels.camera import CameraFit
+from rahas.kernels.projector import phase_at_mark
+from rahas.kernels.projector_lens import phase_without_lens
 from rahas.kernels.rig_uncertainty import rig_covariance
 from rahas.kernels.roof import Roof, fit_roof, points_on_roof
-from rahas.kernels.target_phase import TargetPhaseFit, fit_projector_on_roof
 from rahas.kernels.triangulation import pixel_grid, rays_of_camera, triangulate
 from rahas.params import CalibrationParams
+from rahas.stages.first_hold import FirstHold
+from rahas.stages.projection import Projection, TargetImages, fit_projection
 from rahas.stages.rig import ImagingCamera, Rig, rig_as_json
 from rahas.stages.sighting import Sighting, Target, TooFewMarks, sight_target
 from rahas.typing import AnyArray, FloatArray
@@ -40,11 +41,14 @@ def calibrate(
     target: Target,
     photo: AnyArray | None,
     params: CalibrationParams,
+    modulation: AnyArray | None = None,
+    hold: FirstHold | None = None,
 ) -> Calibration:
     """Calibrate the rig.
 
     ``background`` (y, x) the stripe-free image of the camera, ``unwrapped_phase`` (y, x) rad with NaN where not
-    measured, ``photo`` (y, x) grey from the texture camera or ``None``.
+    measured, ``photo`` (y, x) grey from the texture camera or ``None``. With ``modulation`` (y, x) and the first
+    ``hold`` the projector at the slide's first stop is fitted too, by which scans are compared with their calibration.
 
     Raises
     ------
@@ -63,11 +67,11 @@ def calibrate(
             "marks of config/target.csv again, or scan the target again without touching it or the rig.",
         )
     mark_phase = _phases_at_marks(unwrapped_phase, sighting, roof)
-    dense = _projector_of(unwrapped_phase, sighting, target, roof, mark_phase, params)
-    sighting = _with_radial(sighting, dense, target, roof, params)
-    dense = _projector_of(unwrapped_phase, sighting, target, roof, mark_phase, params)
+    images = TargetImages(unwrapped_phase, background, modulation, hold)
+    fitted = fit_projection(images, sighting, target, roof, mark_phase, params)
+    sighting, dense = fitted.sighting, fitted.dense
     residual_rad = dense.fit.residual[dense.fit.used]
-    residual_mm = _residual_in_mm(dense, sighting)
+    residual_mm = _residual_in_mm(fitted)
     rms_mm = float(np.sqrt(np.mean(residual_mm**2)))
     if rms_mm > params.max_projector_rms_mm:
         raise _too_large(
@@ -79,7 +83,7 @@ def calibrate(
             "hold the rig still, turn the crank slowly and evenly, and keep the target flat.",
         )
     warnings: list[str] = []
-    texture_camera, texture_residual = _texture_camera_of(
+    texture_fit, texture_residual = _texture_camera_of(
         photo, target, roof, params, warnings, video_width_px=background.shape[1]
     )
     residuals = {
@@ -92,6 +96,7 @@ def calibrate(
         "projector_inlier_share": dense.inlier_share,
         "mark_radius_mm": sighting.radius_mm,
         "target_flatness_mm": roof.rms_mm,
+        **({} if fitted.first_stop is None else {"first_stop_residual": fitted.first_stop.residual_std}),
         **texture_residual,
     }
     covariance = rig_covariance(
@@ -101,9 +106,20 @@ def calibrate(
         dense.fit.matrix,
         dense.fit.covariance,
         reach_mm=target.world,
+        lens=fitted.lens,
+        lens_covariance=fitted.lens_covariance,
+        first_stop=fitted.first_stop,
     )
     height, width = unwrapped_phase.shape
-    rig = Rig(ImagingCamera(sighting.fit.camera, width, height), dense.fit.matrix, texture_camera, covariance)
+    rig = Rig(
+        ImagingCamera(sighting.fit.camera, width, height),
+        dense.fit.matrix,
+        None if texture_fit is None or photo is None else ImagingCamera(texture_fit.camera, *photo.shape[1::-1]),
+        covariance,
+        fitted.lens,
+        None if fitted.first_stop is None else fitted.first_stop.matrix,
+        None if texture_fit is None else texture_fit.covariance,
+    )
     return Calibration(rig, residuals, _marks_as_json(target, sighting, mark_phase), warnings)
 
 
@@ -156,87 +172,15 @@ def _phases_at_marks(unwrapped_phase: AnyArray, sighting: Sighting, roof: Roof) 
     )
 
 
-def _projector_of(
-    unwrapped_phase: AnyArray,
-    sighting: Sighting,
-    target: Target,
-    roof: Roof,
-    mark_phase: FloatArray,
-    params: CalibrationParams,
-) -> TargetPhaseFit:
-    known = np.isfinite(mark_phase)
-    start = None
-    if known.sum() > MIN_POINTS + 2:
-        start = fit_projector(target.world[sighting.row[known]], mark_phase[known]).matrix
-    try:
-        dense = fit_projector_on_roof(
-            unwrapped_phase,
-            sighting.fit.camera,
-            roof,
-            target.world,
-            mark_radius_mm=sighting.radius_mm,
-            margin_mm=0.3 * float(np.median(mark_spacing(target.world))),
-            start=start,
-        )
-    except ValueError as error:
-        raise CaptureProblem(
-            "calibration",
-            "projector_points",
-            f"Too little phase was measured on the target ({error}). Scan it again with the lamp's stripes sharp and "
-            "bright on both slopes.",
-            value=0,
-            limit=100,
-            unit="points",
-        ) from None
-    if dense.inlier_share < params.min_projector_inlier_share:
-        raise _too_large(
-            "projector_inlier_share",
-            dense.inlier_share,
-            params.min_projector_inlier_share,
-            "",
-            f"Only {100 * dense.inlier_share:.0f} % of what was measured between the target's marks agrees with its "
-            "two planes. Scan the target again, turning lever and crank slowly and evenly.",
-        )
-    return dense
-
-
-def _with_radial(
-    sighting: Sighting, dense: TargetPhaseFit, target: Target, roof: Roof, params: CalibrationParams
-) -> Sighting:
-    """The sighting with a camera whose radial term suits the dense phase as well."""
-    fit = fit_radial(
-        target.world[sighting.row],
-        sighting.centre,
-        roof,
-        dense.pixels[dense.fit.used],
-        _phase_on(dense)[dense.fit.used],
-        dense.fit.matrix,
-        centre=sighting.fit.camera.centre,
-        start=sighting.fit.camera.radial,
-        significance=params.radial_significance,
-    )
-    return sighting._replace(fit=fit)
-
-
-def _residual_in_mm(dense: TargetPhaseFit, sighting: Sighting) -> FloatArray:
+def _residual_in_mm(fitted: Projection) -> FloatArray:
     """Phase residuals of the used points as distances along their rays, mm."""
-    used = dense.fit.used
-    origin, direction = rays_of_camera(sighting.fit.camera, dense.pixels[used])
-    measured = triangulate(
-        origin,
-        direction,
-        _phase_on(dense)[used],
-        dense.fit.matrix,
-    )
+    dense, used = fitted.dense, fitted.dense.fit.used
+    origin, direction = rays_of_camera(fitted.sighting.fit.camera, dense.pixels[used])
+    plain = phase_without_lens(origin, direction, fitted.phase[used], dense.fit.matrix, fitted.lens)
+    measured = triangulate(origin, direction, plain, dense.fit.matrix)
     per_radian = np.linalg.norm(measured.per_radian, axis=-1)
     residual: FloatArray = dense.fit.residual[used] * per_radian
     return residual[np.isfinite(residual)]
-
-
-def _phase_on(dense: TargetPhaseFit) -> FloatArray:
-    top, bottom = np.moveaxis(dense.points @ dense.fit.matrix[:, :3].T + dense.fit.matrix[:, 3], -1, 0)
-    phase: FloatArray = 2.0 * np.pi * top / bottom + dense.fit.residual
-    return phase
 
 
 def _texture_camera_of(
@@ -247,7 +191,7 @@ def _texture_camera_of(
     warnings: list[str],
     *,
     video_width_px: int,
-) -> tuple[ImagingCamera | None, dict[str, float]]:
+) -> tuple[CameraFit | None, dict[str, float]]:
     if photo is None:
         return None, {}
     try:
@@ -272,8 +216,7 @@ def _texture_camera_of(
             "camera model. Clouds take their grey from the video."
         )
         return None, {}
-    imaging = ImagingCamera(sighting.fit.camera, photo.shape[1], photo.shape[0])
-    return imaging, {"texture_camera_rms_px": sighting.rms_px, "texture_marks_found": float(len(sighting.row))}
+    return sighting.fit, {"texture_camera_rms_px": sighting.rms_px, "texture_marks_found": float(len(sighting.row))}
 
 
 def _marks_as_json(target: Target, sighting: Sighting, mark_phase: FloatArray) -> list[dict[str, Any]]:

@@ -10,11 +10,13 @@ import numpy as np
 from rahas.errors import CaptureProblem
 from rahas.kernels.banding import ORDERS, Debanded, deband
 from rahas.kernels.camera import project
+from rahas.kernels.resolution import image_scale
 from rahas.kernels.rig_uncertainty import depth_std_from_calibration
 from rahas.kernels.surface import normals_of_grid, surface_mask
-from rahas.kernels.triangulation import pixel_grid, rays_of_camera, triangulate
+from rahas.kernels.triangulation import pixel_grid
 from rahas.params import CloudParams
 from rahas.stages.rig import ImagingCamera, Rig
+from rahas.stages.surface_points import pixel_angle, points_of, row_bands, surface_points
 from rahas.typing import AnyArray, BoolArray, ByteArray, Float32Array, FloatArray
 
 _UNCERTAINTY_STEP = 16
@@ -70,22 +72,20 @@ def make_cloud(
             limit=f"{rig.camera.width_px} × {rig.camera.height_px}",
             unit="px",
         )
+    finer = image_scale(height, width)
     usable = np.isfinite(unwrapped_phase) & ~(np.asarray(phase_std) > params.max_phase_std_rad)
-    measured = np.where(usable, np.asarray(unwrapped_phase, dtype=np.float64), np.nan)
+    measured = np.where(usable, unwrapped_phase, np.float32(np.nan)).astype(np.float32, copy=False)
     nothing = Debanded(measured, np.zeros(ORDERS), np.zeros(ORDERS), np.zeros(ORDERS), ())
     debanded = deband(measured, significance=params.deband_significance) if params.deband else nothing
-    origin, direction = rays_of_camera(rig.camera.camera, pixel_grid(height, width))
-    result = triangulate(origin, direction, debanded.unwrapped_phase, rig.projector)
-    former = result if not debanded.orders_removed else triangulate(origin, direction, measured, rig.projector)
-    noise = np.nan_to_num(np.asarray(phase_std, dtype=np.float64), nan=0.0)
-    distance = np.linalg.norm(result.points - origin, axis=-1)
-    distance[distance > _FARTHEST * float(np.linalg.norm(origin))] = np.nan
+    result = surface_points(rig, debanded.unwrapped_phase, phase_std)
+    origin = rig.camera.camera.origin
+    result.distance[result.distance > _FARTHEST * float(np.linalg.norm(origin))] = np.nan
     mask = surface_mask(
-        distance,
-        pixel_angle=_pixel_angle(direction),
-        distance_std=noise * np.linalg.norm(result.per_radian, axis=-1),
+        result.distance,
+        pixel_angle=pixel_angle(rig),
+        distance_std=result.distance_std,
         max_slope_deg=params.max_slope_deg,
-        min_piece_px=params.min_piece_px,
+        min_piece_px=round(params.min_piece_px * finer**2),
     )
     if not mask.any():
         raise CaptureProblem(
@@ -97,14 +97,16 @@ def make_cloud(
             limit=0.0,
             unit="share",
         )
-    z_std = np.hypot(noise * np.abs(result.per_radian[..., 2]), _calibration_std(rig, measured))
-    points = np.where(mask[..., None], result.points, np.nan)
+    points, z_std = result.points, np.hypot(result.z_std, _calibration_std(rig, measured))
+    former = points_of(rig, measured) if debanded.orders_removed else points
+    for values in (points, former, z_std):
+        values[~mask] = np.nan
     warnings: list[str] = []
     return Cloud(
-        points=points.astype(np.float32),
-        points_before_debanding=np.where(mask[..., None], former.points, np.nan).astype(np.float32),
-        z_std=np.where(mask, z_std, np.nan).astype(np.float32),
-        normals=normals_of_grid(points, origin, radius=params.normal_radius_px).astype(np.float32),
+        points=points,
+        points_before_debanding=former,
+        z_std=z_std,
+        normals=normals_of_grid(points, origin, radius=round(params.normal_radius_px * finer)),
         colour=_colour(points, mask, background, rig.texture_camera, photo, warnings),
         debanded=debanded,
         measured_share=float(mask.sum() / max(int(np.isfinite(unwrapped_phase).sum()), 1)),
@@ -112,29 +114,29 @@ def make_cloud(
     )
 
 
-def _pixel_angle(direction: FloatArray) -> float:
-    """Angle between neighbouring rays at the image's middle, rad."""
-    row, column = direction.shape[0] // 2, direction.shape[1] // 2
-    first, second = direction[row, column], direction[row, column + 1]
-    return float(np.linalg.norm(np.cross(first, second)) / (np.linalg.norm(first) * np.linalg.norm(second)))
-
-
-def _calibration_std(rig: Rig, unwrapped_phase: FloatArray) -> FloatArray:
+def _calibration_std(rig: Rig, unwrapped_phase: AnyArray) -> Float32Array:
     """Standard deviation (y, x) of Z from the calibration, mm: on a coarse grid of a smooth surface, interpolated."""
     height, width = unwrapped_phase.shape
-    y, x = np.nonzero(np.isfinite(unwrapped_phase))
-    some = slice(None, None, max(1, y.size // 5000))
-    terms = _quadratic(x[some] / width, y[some] / height)
-    surface = np.linalg.lstsq(terms, unwrapped_phase[y, x][some], rcond=None)[0]
+    known = np.flatnonzero(np.isfinite(unwrapped_phase))
+    y, x = np.divmod(known[:: max(1, known.size // 5000)], width)
+    surface = np.linalg.lstsq(_quadratic(x / width, y / height), unwrapped_phase[y, x].astype(float), rcond=None)[0]
     grid = pixel_grid(height, width, step=_UNCERTAINTY_STEP)
     smooth = (_quadratic(grid[..., 0].ravel() / width, grid[..., 1].ravel() / height) @ surface).reshape(grid.shape[:2])
-    coarse = depth_std_from_calibration(rig.parameters, rig.covariance, rig.camera.camera.centre, grid, smooth)
-    coarse = np.nan_to_num(coarse, nan=float(np.nanmedian(coarse)) if np.isfinite(coarse).any() else 0.0)
-    place = pixel_grid(height, width).astype(np.float32) / np.float32(_UNCERTAINTY_STEP)
-    fine = cv2.remap(
-        coarse.astype(np.float32), place[..., 0], place[..., 1], cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    coarse = depth_std_from_calibration(
+        rig.parameters,
+        rig.covariance,
+        rig.camera.camera.centre,
+        grid,
+        smooth,
+        projector_centre=rig.lens.centre,
     )
-    return np.asarray(fine, dtype=np.float64)
+    coarse = np.nan_to_num(coarse, nan=float(np.nanmedian(coarse)) if np.isfinite(coarse).any() else 0.0)
+    coarse, fine = coarse.astype(np.float32), np.empty((height, width), np.float32)
+    for rows in row_bands(height, width):
+        across, down = np.meshgrid(np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)[rows])
+        place = across / np.float32(_UNCERTAINTY_STEP), down / np.float32(_UNCERTAINTY_STEP)
+        fine[rows] = cv2.remap(coarse, *place, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+    return fine
 
 
 def _quadratic(x: FloatArray, y: FloatArray) -> FloatArray:
@@ -142,7 +144,7 @@ def _quadratic(x: FloatArray, y: FloatArray) -> FloatArray:
 
 
 def _colour(
-    points: FloatArray,
+    points: Float32Array,
     mask: BoolArray,
     background: AnyArray,
     texture_camera: ImagingCamera | None,
@@ -150,9 +152,10 @@ def _colour(
     warnings: list[str],
 ) -> ByteArray:
     """Colour (y, x, 3) of each point: the photo's where it sees the point, else the video's own grey."""
-    level = np.nan_to_num(np.asarray(background, dtype=np.float64), nan=0.0)
+    level = np.nan_to_num(np.asarray(background, dtype=np.float32), nan=0.0)
     white = max(float(np.percentile(level[mask], 99.5)), 1e-9)
-    grey = np.clip(level * (255.0 / white), 0.0, 255.0).astype(np.uint8)
+    level *= np.float32(255.0 / white)
+    grey = np.clip(level, 0.0, 255.0, out=level).astype(np.uint8)
     colour: ByteArray = np.repeat(grey[..., None], 3, axis=2)
     if photo is not None and texture_camera is None:
         warnings.append(
@@ -166,11 +169,15 @@ def _colour(
                 f"{texture_camera.width_px} × {texture_camera.height_px}: the colour is the video's grey."
             )
         else:
-            seen = (project(texture_camera.camera, points) + 0.5) * scale - 0.5
-            inside = mask & np.all((seen >= 0) & (seen <= np.array(photo.shape[1::-1]) - 1), axis=-1)
-            place = np.where(inside[..., None], seen, -1.0).astype(np.float32)
-            sampled = cv2.remap(np.ascontiguousarray(photo), place[..., 0], place[..., 1], cv2.INTER_LINEAR)
-            colour = np.where(inside[..., None], sampled, colour)
-            if not inside[mask].any():
+            anything = False
+            for rows in row_bands(*mask.shape):
+                seen = (project(texture_camera.camera, points[rows].astype(np.float64)) + 0.5) * scale - 0.5
+                inside = mask[rows] & np.all((seen >= 0) & (seen <= np.array(photo.shape[1::-1]) - 1), axis=-1)
+                place = np.where(inside[..., None], seen, -1.0).astype(np.float32)
+                sampled = cv2.remap(np.ascontiguousarray(photo), place[..., 0], place[..., 1], cv2.INTER_LINEAR)
+                colour[rows][inside] = sampled[inside]
+                anything |= bool(inside.any())
+            if not anything:
                 warnings.append("The texture camera does not see the surface: the colour is the video's grey.")
-    return np.where(mask[..., None], colour, 0).astype(np.uint8)
+    colour[~mask] = 0
+    return colour

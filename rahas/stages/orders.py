@@ -27,9 +27,9 @@ from rahas.stages.rotation_frames import (
     FEWEST_FRAMES,
     Rotation,
     Scanned,
+    Shots,
     chosen_frames,
     first_phase_of_frames,
-    frames_of,
 )
 from rahas.typing import AnyArray, Float32Array, FloatArray, FrameStack
 
@@ -44,10 +44,8 @@ _BAND_PIXELS = 32768
 class RotationFit(NamedTuple):
     """The slide's course, and the frames it was found in."""
 
-    shots: AnyArray
-    """(frame, y, x) the rotation frames used, as shot."""
-    numbers: AnyArray
-    """(frame) their numbers in the capture."""
+    shots: Shots
+    """The rotation frames used."""
     fields: list[slice]
     codes: list[RotationCode]
     """Of each field; empty: the course was not found, and nothing is said."""
@@ -85,7 +83,7 @@ def fit(frames: FrameStack, rotation: Rotation, *, fields: list[slice], scanned:
         Rows of each field in temporal order: one slice for progressive frames.
     """
     numbers = chosen_frames(frames, rotation)
-    nothing = RotationFit(np.empty((0, *frames.shape[1:])), numbers, fields, [], 0, 0, np.inf, 0.0)
+    nothing = RotationFit(Shots(frames, numbers[:0]), fields, [], 0, 0, np.inf, 0.0)
     fewest = min(np.count_nonzero(scanned.measured[rows]) for rows in fields)
     if len(numbers) < FEWEST_FRAMES or fewest < FEWEST_PIXELS:
         return nothing
@@ -93,12 +91,12 @@ def fit(frames: FrameStack, rotation: Rotation, *, fields: list[slice], scanned:
         first_phase = first_phase_of_frames(frames, rotation, fields[0], scanned)
     except ValueError:
         return nothing
-    shots, angle = frames_of(frames, numbers), rotation.slide_angle_deg[numbers]
+    shots, angle = Shots(frames, numbers), rotation.slide_angle_deg[numbers]
     codes: list[RotationCode] = []
     for number, rows in enumerate(fields):
         former = codes[0] if codes else None
         later = numbers + number / len(fields)
-        code = _fitted(shots[:, rows], rows, scanned, angle, first_phase, former, numbers, later)
+        code = _fitted(shots, rows, scanned, angle, first_phase, former, later)
         share = code.confident_share
         off = course_off_angles(code.course, angle)
         if share < MIN_CONFIDENT_SHARE or off > MAX_OFF_ANGLES:
@@ -106,7 +104,7 @@ def fit(frames: FrameStack, rotation: Rotation, *, fields: list[slice], scanned:
         codes.append(code)
     zero = zero_of_course(codes[0].course)
     return RotationFit(
-        shots, numbers, fields, codes, zero.first_turns, zero.last_turns, zero.residual_turns, codes[0].confident_share
+        shots, fields, codes, zero.first_turns, zero.last_turns, zero.residual_turns, codes[0].confident_share
     )
 
 
@@ -116,23 +114,26 @@ def search(fitted: RotationFit, scanned: Scanned) -> CodeOrders:
     order, confidence = np.full(shape, UNKNOWN_ORDER, np.int16), np.zeros(shape, np.float32)
     if not fitted.codes:
         return CodeOrders(order, confidence, None, 0.0)
-    band = max(1, _BAND_PIXELS // shape[1])
-    for code, rows in zip(fitted.codes, fitted.fields, strict=True):
-        own_rows = np.arange(shape[0])[rows]
-        for begin in range(0, len(own_rows), band):
-            here = own_rows[begin : begin + band]
-            y, x = np.nonzero(scanned.measured[here])
-            if not len(y):
-                continue
-            at = (here[y], x)
-            found = search_orders(
-                scanned.pixels(fitted.shots[:, at[0], at[1]], at),
-                first=code.first_phase @ polynomial_terms(*at, shape),
-                course=code.course,
-                candidates=code.candidates,
-            )
-            order[at] = found.order + fitted.last_turns
-            confidence[at] = found.confidence
+    size = max(1, _BAND_PIXELS // shape[1])
+    for band in fitted.shots.bands():
+        shots = fitted.shots.rows(band)
+        for code, rows in zip(fitted.codes, fitted.fields, strict=True):
+            image_rows = np.arange(shape[0])[rows]
+            own_rows = image_rows[(image_rows >= band.start) & (image_rows < band.stop)]
+            for begin in range(0, len(own_rows), size):
+                here = own_rows[begin : begin + size]
+                y, x = np.nonzero(scanned.measured[here])
+                if not len(y):
+                    continue
+                at = (here[y], x)
+                found = search_orders(
+                    scanned.pixels(shots[:, at[0] - band.start, at[1]], at),
+                    first=code.first_phase @ polynomial_terms(*at, shape),
+                    course=code.course,
+                    candidates=code.candidates,
+                )
+                order[at] = found.order + fitted.last_turns
+                confidence[at] = found.confidence
     share = float(np.mean(confidence[scanned.measured] > CONFIDENT))
     return CodeOrders(order, confidence, _raised(fitted.codes[0].first_phase, fitted.first_turns), share)
 
@@ -177,23 +178,22 @@ def _raised(first_phase: FloatArray, turns: int) -> FloatArray:
 
 
 def _fitted(
-    shots: AnyArray,
+    shots: Shots,
     rows: slice,
     scanned: Scanned,
     angle_deg: FloatArray,
     first_phase: FloatArray,
     former: RotationCode | None,
-    numbers: AnyArray,
     later: FloatArray,
 ) -> RotationCode:
     """Course of one field, from some thousands of its pixels; a later field starts from the first one's course."""
     shape = scanned.measured.shape
     y, x = evenly_spread(scanned.measured[rows], FIT_PIXELS)
     at = (np.arange(shape[0])[rows][y], x)
-    pixels = scanned.pixels(shots[:, y, x].astype(float), at)
+    pixels = scanned.pixels(shots.pixels(*at).astype(float), at)
     terms = polynomial_terms(*at, shape)
     if former is not None:
-        start = Course(*(np.interp(later, numbers, values) for values in former.course))
+        start = Course(*(np.interp(later, shots.numbers, values) for values in former.course))
         return solve_rotation_code(
             pixels, start, terms=terms, first_phase=former.first_phase, candidates=former.candidates
         )

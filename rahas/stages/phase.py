@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from rahas.errors import CaptureProblem
-from rahas.kernels.phase_field import expected_noise
+from rahas.kernels.phase_field import noise_of_light
 from rahas.kernels.phase_shifting import TURN, FringeMaps
+from rahas.kernels.resolution import image_scale
 from rahas.kernels.sampling import with_smooth_guess
 from rahas.kernels.snake_steps import fill_missing_steps, steps_from_snakes
 from rahas.kernels.unwrapping import (
@@ -20,13 +22,13 @@ from rahas.kernels.unwrapping import (
 )
 from rahas.params import PhaseParams
 from rahas.stages import orders
-from rahas.stages.phase_maps import joint_maps, linear_maps
+from rahas.stages.phase_maps import joint_maps, joint_steps, linear_maps, sampled
 from rahas.stages.rotation_frames import Rotation, Scanned
 from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameStack
 
 QUANTISATION = 0.3  # grey levels: standard deviation of rounding
 MIN_LABELLED = 500  # pixels
-SNAKE_BLOCK = 64  # frames
+SNAKE_BLOCK = 64  # frames, where the store does not say how many it keeps together
 CENTRE = 8  # pixels: half the side of the patch that is the field's centre
 
 
@@ -119,21 +121,15 @@ def solve(
     if params.method == "joint":
         known = labelled.order != UNKNOWN_ORDER
         _refuse_if_lost(known)
-        unwrapped = with_smooth_guess(maps.wrapped_phase + TURN * labelled.order, known)
-        maps, field = joint_maps(
-            frames,
-            first,
-            steps,
-            fields,
-            start=maps,
-            unwrapped=unwrapped,
-            labelled=known,
-            held=np.arange(len(steps)) < held,
-            params=params,
-            top_level=top_level,
-        )
-        steps = field.steps_at(np.array([np.median(_centre(unwrapped))]))[:, 0]
+        unwrapped = with_smooth_guess(_unwrapped(maps.wrapped_phase, labelled.order), known)
+        samples = sampled(frames, first, steps, fields, start=maps, labelled=known, params=params, top_level=top_level)
+        del maps, labelled  # as much memory as the maps that follow
+        solved = joint_steps(samples, unwrapped, held=np.arange(len(steps)) < held)
+        maps = joint_maps(solved, unwrapped, top_level=top_level)
+        steps = solved[0].steps.steps_at(np.array([np.median(_centre(unwrapped))]))[:, 0]
+        del unwrapped, samples, solved
         labelled = _labelled(maps, coarse, code, params)
+    del coarse, code
     return _assembled(maps, labelled, _measured(maps, params), steps)
 
 
@@ -153,15 +149,14 @@ def _refuse_if_lost(known: BoolArray) -> None:
 def _labelled(maps: FringeMaps, coarse: Float32Array, code: orders.RotationFit | None, params: PhaseParams) -> Labelled:
     """Orders by snakes and rotation code, carried on to where neither reaches."""
     measured = _measured(maps, params)
-    snake = orders_from_coarse(maps.wrapped_phase, coarse, measured)
-    found = Labelled(snake.order, snake.confidence)
+    found = Labelled(*orders_from_coarse(maps.wrapped_phase, coarse, measured))
     if code is not None:
         read = orders.search(code, _scanned(maps, params))
-        votes, _ = orders.vote(snake.order, snake.confidence, read)
+        votes, _ = orders.vote(found.order, found.confidence, read)
         found = Labelled(votes.order, votes.confidence, read.confident_share, votes.disagreement)
-    grown = grow_orders(
-        found.order, maps.wrapped_phase, measured, steps=params.growth_px, tolerance=params.growth_tolerance_rad
-    )
+        del read, votes
+    reach = round(params.growth_px * image_scale(*measured.shape))
+    grown = grow_orders(found.order, maps.wrapped_phase, measured, steps=reach, tolerance=params.growth_tolerance_rad)
     return found._replace(order=grown)
 
 
@@ -177,19 +172,19 @@ def _measured(maps: FringeMaps, params: PhaseParams) -> BoolArray:
 def _steps(snakes: ScanSnakes, first: int, last: int, height: int, held: int) -> FloatArray:
     """One step a frame, from the snakes of the field's middle, or of anywhere if none is there."""
     reference, reference_rows = snakes.identity[first], snakes.y[first]
+    size = getattr(snakes.y, "chunks", (SNAKE_BLOCK,))[0]
+    borders = [first, *range((first // size + 1) * size, last + 1, size), last + 1]
     for rows in ((0.3 * height, 0.7 * height), None):
-        parts = []
-        for start in range(first, last + 1, SNAKE_BLOCK):
-            part = slice(start, min(start + SNAKE_BLOCK, last + 1))
-            parts.append(
-                steps_from_snakes(
-                    reference_identity=reference,
-                    reference_y=reference_rows,
-                    identity=snakes.identity[part],
-                    y=snakes.y[part],
-                    rows=rows,
-                )
+        parts = [
+            steps_from_snakes(
+                reference_identity=reference,
+                reference_y=reference_rows,
+                identity=snakes.identity[start:stop],
+                y=snakes.y[start:stop],
+                rows=rows,
             )
+            for start, stop in pairwise(borders)
+        ]
         found = np.concatenate(parts)
         if np.isfinite(found[:held]).any() and np.isfinite(found[held:]).any():
             steps = fill_missing_steps(found)
@@ -211,24 +206,42 @@ def _centre(field: AnyArray) -> AnyArray:
     return field[max(y - CENTRE, 0) : y + CENTRE, max(x - CENTRE, 0) : x + CENTRE]
 
 
+def _unwrapped(wrapped: Float32Array, order: AnyArray) -> Float32Array:
+    """Φ = φ + 2π·order, summed in double precision, row by row."""
+    out = np.empty_like(wrapped)
+    for target, phase, turns in zip(out, wrapped, order, strict=True):
+        target[:] = phase + TURN * turns
+    return out
+
+
 def _assembled(maps: FringeMaps, labelled: Labelled, measured: BoolArray, steps: FloatArray) -> PhaseResult:
+    """The result; it takes the maps' own memory."""
+    expected = noise_of_light(maps.background, maps.modulation, maps.residual_std).at(maps.background)
+    chi2 = np.square(np.divide(maps.residual_std, expected, out=maps.residual_std), out=maps.residual_std)
+    del expected
     has_order = labelled.order != UNKNOWN_ORDER
-    expected = expected_noise(maps.background, maps.modulation, maps.residual_std)
-    unwrapped = maps.wrapped_phase + TURN * labelled.order
+    unwrapped = _unwrapped(maps.wrapped_phase, labelled.order)
+    quality = np.float32(0.5 * len(steps)) * maps.modulation
+    blank = np.float32(np.nan)
+    for values, known in (
+        (maps.wrapped_phase, measured),
+        (unwrapped, has_order),
+        (labelled.confidence, has_order),
+        (maps.phase_std, measured),
+        (chi2, measured),
+        (quality, measured),
+    ):
+        np.copyto(values, blank, where=~known)
     return PhaseResult(
-        wrapped_phase=_where(maps.wrapped_phase, measured),
-        unwrapped_phase=_where(unwrapped, has_order),
-        fringe_order=np.where(has_order, labelled.order, UNKNOWN_ORDER).astype(np.int16),
-        order_confidence=_where(labelled.confidence, has_order),
+        wrapped_phase=maps.wrapped_phase,
+        unwrapped_phase=unwrapped,
+        fringe_order=labelled.order,
+        order_confidence=labelled.confidence,
         background=maps.background,
         modulation=maps.modulation,
-        phase_std=_where(maps.phase_std, measured),
-        chi2=_where((maps.residual_std / expected) ** 2, measured),
-        quality=_where(0.5 * len(steps) * maps.modulation, measured),
+        phase_std=maps.phase_std,
+        chi2=chi2,
+        quality=quality,
         steps=steps,
         labelled=labelled,
     )
-
-
-def _where(values: AnyArray, known: BoolArray) -> Float32Array:
-    return np.where(known, values, np.float32(np.nan)).astype(np.float32)

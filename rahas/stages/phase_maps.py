@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from functools import partial
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from rahas.errors import CaptureProblem
-from rahas.kernels.displacement import moved_back, slopes_at
+from rahas.kernels.displacement import Slopes, moved_back, slopes_at
 from rahas.kernels.joint_steps import StepField, levelled
 from rahas.kernels.long_scan import solve_scan_steps
 from rahas.kernels.noise_memory import phase_std_inflation
@@ -22,14 +22,11 @@ from rahas.kernels.phase_shifting import (
 from rahas.kernels.pixel_fit import fit_pixels
 from rahas.kernels.sampling import evenly_spread
 from rahas.params import PhaseParams
-from rahas.stages.ahead import ahead
+from rahas.stages.frame_bands import FieldFrames, pixels_at
 from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameStack
 
-BLOCK = 16  # frames
+MARGIN = 4  # rows about a band that displaced frames are interpolated from
 MOST_SAMPLES = 450_000  # pixels times frames of the joint solve: long scans have fewer pixels, not more memory
-
-ReadBlocks = Callable[[], Iterator[AnyArray]]
-SolveField = Callable[[ReadBlocks, FloatArray, slice], FringeMaps]
 
 
 def linear_maps(
@@ -42,98 +39,142 @@ def linear_maps(
     CaptureProblem
         The crank scanned too little for a phase.
     """
-    return _solve_fields(frames, first, steps, fields, _linear_field(params))
+    parts = [
+        (field.rows, _linear_field(field, own, params)) for field, own in _field_frames(frames, first, steps, fields)
+    ]
+    return _woven(parts, frames.shape[1:])
 
 
-def joint_maps(
+class Steadied:
+    """A field's frames with the object's displacement (frame, 2) undone."""
+
+    def __init__(self, frames: FieldFrames, shift: FloatArray) -> None:
+        self.field = frames
+        self._shift = shift
+        self._margin = int(np.ceil(np.abs(shift[:, 1]).max())) + MARGIN
+
+    def blocks(self, band: slice) -> Iterator[AnyArray]:
+        if not self._shift.any():
+            return self.field.blocks(band)
+        first, stop, _ = band.indices(self.field.shape[0])
+        above = max(0, first - self._margin)
+        wider = slice(above, stop + self._margin)
+        own = slice(first - above, stop - above)
+        return (block[:, own] for block in moved_back(self.field.blocks(wider), self._shift))
+
+    def at(self, rows: AnyArray, columns: AnyArray) -> AnyArray:
+        """Grey levels (frame, pixel) of single pixels."""
+        return pixels_at(self.blocks, self.field.bands(), rows, columns)
+
+
+class Sample(NamedTuple):
+    """Some pixels that stand for a field."""
+
+    field: FieldFrames
+    steps: FloatArray
+    """(frame) one step a frame, a start."""
+    at: tuple[AnyArray, AnyArray]
+    """Rows and columns (pixel)."""
+    levels: AnyArray
+    """(frame, pixel)"""
+    slopes: Slopes
+
+
+class SolvedField(NamedTuple):
+    """The steps of one field, and what its maps are made from."""
+
+    steps: StepField
+    frames: Steadied
+    at: tuple[AnyArray, AnyArray]
+    """Rows and columns of the pixels that took part."""
+    levels: AnyArray
+    """(frame, pixel), theirs."""
+
+
+def sampled(
     frames: FrameStack,
     first: int,
     steps: FloatArray,
     fields: list[slice],
     *,
     start: FringeMaps,
-    unwrapped: Float32Array,
     labelled: BoolArray,
-    held: BoolArray,
     params: PhaseParams,
     top_level: float,
-) -> tuple[FringeMaps, StepField]:
-    """Fringe maps with steps that vary over the field, and the steps of the first field.
+) -> list[Sample]:
+    """Well-lit pixels of each field among those ``labelled``; ``start`` are the linear maps."""
+    steady = labelled & (start.phase_std < 4.0 * np.median(start.phase_std[labelled]))
+    samples = []
+    for field, own in _field_frames(frames, first, steps, fields):
+        background, modulation, phase = (part[field.rows] for part in start[1:3] + start[:1])
+        unclipped = background + modulation < top_level
+        at = evenly_spread(steady[field.rows] & unclipped, min(params.joint_pixels, MOST_SAMPLES // len(steps)))
+        samples.append(Sample(field, own, at, field.at(*at), slopes_at(background, modulation, phase, at)))
+    return samples
 
-    ``start`` are the linear maps, ``unwrapped`` (y, x) their roughly known unwrapped phase, right where ``labelled``;
-    ``held`` (frame,) says which frames show the slide at its reference position.
+
+def joint_steps(samples: list[Sample], unwrapped: Float32Array, *, held: BoolArray) -> list[SolvedField]:
+    """Steps that vary over the field, solved jointly with the phase of some pixels; each field has its own.
+
+    ``unwrapped`` (y, x) is the roughly known unwrapped phase, right at the samples; ``held`` (frame,) says which frames
+    show the slide at its reference position.
     """
-    solved: list[StepField] = []
-    solve_field = _joint_field(start, unwrapped, labelled, held, params, solved, top_level)
-    return _solve_fields(frames, first, steps, fields, solve_field), solved[0]
+    solved = []
+    for own in samples:
+        rough = unwrapped[own.field.rows][own.at].astype(float)
+        found = solve_scan_steps(own.levels, rough, own.steps, held, own.slopes)
+        steadied = Steadied(own.field, found.shift)
+        levels = steadied.at(*own.at) if found.shift.any() else own.levels
+        solved.append(SolvedField(found.moved_back(own.slopes.carrier), steadied, own.at, levels))
+    return solved
 
 
-def _solve_fields(
-    frames: FrameStack,
-    first: int,
-    steps: FloatArray,
-    fields: list[slice],
-    solve_field: SolveField,
-) -> FringeMaps:
-    """Solve each field on its own rows with its own steps, and weave the maps together."""
-    height, width = frames.shape[1:]
-    woven = FringeMaps(*(np.empty((height, width), np.float32) for _ in FringeMaps._fields))
+def joint_maps(solved: list[SolvedField], unwrapped: Float32Array, *, top_level: float) -> FringeMaps:
+    """Fringe maps at the steps solved; ``unwrapped`` as for :func:`joint_steps`."""
+    parts = []
+    for own in solved:
+        rows = own.frames.field.rows
+        maps = solve_phase_field(
+            own.frames.blocks, unwrapped[rows], own.steps, top_level=top_level, bands=own.frames.field.bands()
+        )
+        sample = FringeMaps(*(part[own.at] for part in maps))
+        maps.phase_std[:] *= _inflation(own.levels, unwrapped[rows][own.at], sample, own.steps)
+        parts.append((rows, maps))
+    return _woven(parts, unwrapped.shape)
+
+
+def _field_frames(
+    frames: FrameStack, first: int, steps: FloatArray, fields: list[slice]
+) -> Iterator[tuple[FieldFrames, FloatArray]]:
+    """Each field with its own steps: it is exposed a part of a frame later than the one before."""
     moments = np.arange(len(steps))
     for number, rows in enumerate(fields):
         own = np.interp(moments + number / len(fields), moments, steps)
-        found = solve_field(partial(_blocks, frames, first, first + len(own), rows), own, rows)
-        for target, part in zip(woven, found, strict=True):
+        yield FieldFrames(frames, first, first + len(own), rows), own
+
+
+def _woven(parts: list[tuple[slice, FringeMaps]], shape: tuple[int, ...]) -> FringeMaps:
+    """The maps (y, x) of the whole image from those of its fields' rows."""
+    if len(parts) == 1:
+        return parts[0][1]
+    woven = FringeMaps(*(np.empty(shape, np.float32) for _ in FringeMaps._fields))
+    for rows, maps in parts:
+        for target, part in zip(woven, maps, strict=True):
             target[rows] = part
     return woven
 
 
-def _linear_field(params: PhaseParams) -> SolveField:
-    """One step a frame for the whole field: the thesis's resampling, or least squares."""
-
-    def solve_field(blocks: ReadBlocks, steps: FloatArray, rows: slice) -> FringeMaps:
-        weights, used = _weights(steps, params)
-        sums: HarmonicSums | None = None
-        left = len(used)
-        for block in blocks():
-            sums = sums or HarmonicSums(block.shape[1:], used, weights)
-            sums.add(block[:left])
-            left -= min(left, len(block))
-            if not left:
-                break
-        assert sums is not None
-        return sums.maps()
-
-    return solve_field
-
-
-def _joint_field(
-    start: FringeMaps,
-    unwrapped: Float32Array,
-    labelled: BoolArray,
-    held: BoolArray,
-    params: PhaseParams,
-    solved: list[StepField],
-    top_level: float,
-) -> SolveField:
-    """Steps that vary over the field, solved jointly with the phase; each field's are added to ``solved``."""
-    steady = labelled & (start.phase_std < 4.0 * np.median(start.phase_std[labelled]))
-
-    def solve_field(blocks: ReadBlocks, steps: FloatArray, rows: slice) -> FringeMaps:
-        unclipped = start.background[rows] + start.modulation[rows] < top_level
-        chosen = evenly_spread(steady[rows] & unclipped, min(params.joint_pixels, MOST_SAMPLES // len(steps)))
-        levels = np.concatenate([block[:, chosen[0], chosen[1]] for block in blocks()])
-        slopes = slopes_at(start.background[rows], start.modulation[rows], start.wrapped_phase[rows], chosen)
-        field = solve_scan_steps(levels, unwrapped[rows][chosen].astype(float), steps, held, slopes)
-        shift, field = field.shift, field.moved_back(slopes.carrier)
-        if shift.any():
-            blocks = partial(_steadied, blocks, shift)
-            levels = np.concatenate([block[:, chosen[0], chosen[1]] for block in blocks()])
-        solved.append(field)
-        maps = solve_phase_field(blocks, unwrapped[rows], field, top_level=top_level)
-        sample = FringeMaps(*(part[chosen] for part in maps))
-        return maps._replace(phase_std=maps.phase_std * _inflation(levels, unwrapped[rows][chosen], sample, field))
-
-    return solve_field
+def _linear_field(field_frames: FieldFrames, steps: FloatArray, params: PhaseParams) -> FringeMaps:
+    weights, used = _weights(steps, params)
+    own = field_frames._replace(end=field_frames.first + len(used))
+    maps = FringeMaps(*(np.empty(own.shape, np.float32) for _ in FringeMaps._fields))
+    for band in own.bands():
+        sums = HarmonicSums((band.stop - band.start, own.shape[1]), used, weights)
+        for block in own.blocks(band):
+            sums.add(block)
+        for target, part in zip(maps, sums.maps(), strict=True):
+            target[band] = part
+    return maps
 
 
 def _inflation(levels: AnyArray, unwrapped: Float32Array, sample: FringeMaps, field: StepField) -> np.float32:
@@ -145,10 +186,6 @@ def _inflation(levels: AnyArray, unwrapped: Float32Array, sample: FringeMaps, fi
         field.waveform.at(sample.background, sample.modulation),
     )
     return np.float32(phase_std_inflation(fit.residual, fit.value, fit.slope))
-
-
-def _steadied(blocks: ReadBlocks, shift: FloatArray) -> Iterator[AnyArray]:
-    return moved_back(blocks(), shift)
 
 
 def _weights(steps: FloatArray, params: PhaseParams) -> tuple[FloatArray, FloatArray]:
@@ -168,7 +205,3 @@ def _weights(steps: FloatArray, params: PhaseParams) -> tuple[FloatArray, FloatA
             limit=1.0 if params.method == "thesis" else 0.9,
             unit="period",
         ) from None
-
-
-def _blocks(frames: FrameStack, first: int, end: int, rows: slice) -> Iterator[AnyArray]:
-    return ahead(lambda start: frames[start : min(start + BLOCK, end)][:, rows], range(first, end, BLOCK), depth=1)

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from rahas.kernels.object_span import span_from_region, surface_at_centre
+from rahas.kernels.resolution import image_scale
 from rahas.params import ResultReviewParams
 from rahas.typing import AnyArray, BoolArray
 
@@ -24,7 +25,8 @@ def review_result(points: AnyArray, *, measurable_share: float | None, params: R
     measured: BoolArray = np.asarray(np.isfinite(points).all(axis=-1))
     depth = np.where(measured, points[..., 2], np.nan)
     step = params.depth_step_spacings * _point_spacing(points)
-    surface = surface_at_centre(depth, largest_step=step, bridged=params.bridged_px) if measured.any() else measured
+    bridged = round(params.bridged_px * image_scale(*measured.shape))
+    surface = surface_at_centre(depth, largest_step=step, bridged=bridged) if measured.any() else measured
     share = None
     if measurable_share:
         share = min(float(measured.mean()) / measurable_share, 1.0)

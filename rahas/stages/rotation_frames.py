@@ -9,14 +9,15 @@ import numpy as np
 
 from rahas.kernels.first_hold_phase import EXPONENTS, first_phase_of_hold, polynomial_terms
 from rahas.kernels.rotation_model import SIGNAL_LIMIT, TURN, RotationPixels
+from rahas.stages.frame_bands import bands_of, pixels_at
 from rahas.typing import AnyArray, BoolArray, FloatArray, FrameStack
 
 BLOCK = 8
 HOLD_FRAMES = 8
 ROTATION_FRAMES = 64
 FEWEST_FRAMES = 16
-MAX_BYTES = 100_000_000
-"""Of rotation frames held at a time: large images make do with fewer."""
+KEPT_BYTES = 32_000_000
+"""Of rotation frames kept in memory; those of larger images are read again, band by band."""
 
 
 class Rotation(NamedTuple):
@@ -66,20 +67,40 @@ def chosen_frames(frames: FrameStack, rotation: Rotation) -> AnyArray:
     numbers = numbers[np.isfinite(rotation.slide_angle_deg[numbers])]
     if not len(numbers):
         return numbers
-    room = MAX_BYTES // (frames.shape[1] * frames.shape[2] * frames.dtype.itemsize)
     angle = rotation.slide_angle_deg[numbers]
-    wanted = np.linspace(angle.min(), angle.max(), min(ROTATION_FRAMES, max(room, 2 * FEWEST_FRAMES)))
+    wanted = np.linspace(angle.min(), angle.max(), ROTATION_FRAMES)
     return numbers[np.unique(np.abs(angle[:, None] - wanted).argmin(axis=0))]
 
 
-def frames_of(frames: FrameStack, numbers: AnyArray) -> AnyArray:
-    """The frames of these numbers (frame, y, x), read in aligned blocks."""
-    out = np.empty((len(numbers), *frames.shape[1:]), frames.dtype)
-    for block in np.unique(numbers // BLOCK):
-        inside = np.flatnonzero(numbers // BLOCK == block)
-        first, last = numbers[inside[0]], numbers[inside[-1]]
-        out[inside] = np.asarray(frames[first : last + 1])[numbers[inside] - first]
-    return out
+class Shots:
+    """Some frames of a capture: kept in memory where they are small, else read where they are asked for."""
+
+    def __init__(self, frames: FrameStack, numbers: AnyArray) -> None:
+        self._frames = frames
+        self.numbers = numbers
+        self._kept: AnyArray | None = None
+        if len(numbers) * frames.shape[1] * frames.shape[2] * frames.dtype.itemsize <= KEPT_BYTES:
+            self._kept = self._read(slice(0, frames.shape[1]))
+
+    def rows(self, span: slice) -> AnyArray:
+        """Rows (a slice with start and stop) of all the frames, (frame, y, x) as shot."""
+        return self._read(span) if self._kept is None else self._kept[:, span]
+
+    def bands(self) -> list[slice]:
+        """Rows to be asked for at a time."""
+        return bands_of(self._frames)
+
+    def pixels(self, rows: AnyArray, columns: AnyArray) -> AnyArray:
+        """Grey levels (frame, pixel)."""
+        return pixels_at(lambda band: iter([self.rows(band)]), self.bands(), rows, columns)
+
+    def _read(self, span: slice) -> AnyArray:
+        out = np.empty((len(self.numbers), span.stop - span.start, self._frames.shape[2]), self._frames.dtype)
+        for block in np.unique(self.numbers // BLOCK):
+            inside = np.flatnonzero(self.numbers // BLOCK == block)
+            first, last = self.numbers[inside[0]], self.numbers[inside[-1]]
+            out[inside] = np.asarray(self._frames[first : last + 1, span])[self.numbers[inside] - first]
+        return out
 
 
 def first_phase_of_frames(frames: FrameStack, rotation: Rotation, rows: slice, scanned: Scanned) -> FloatArray:
@@ -92,12 +113,16 @@ def first_phase_of_frames(frames: FrameStack, rotation: Rotation, rows: slice, s
     """
     hold = rotation.first_hold
     last = max(hold[0], hold[1] - 1)  # the lever may be moving already in the last frame
-    level = np.asarray(frames[max(hold[0], last - HOLD_FRAMES + 1) : last + 1])[:, rows].mean(axis=0)
+    level = np.asarray(frames[max(hold[0], last - HOLD_FRAMES + 1) : last + 1])[:, rows].mean(axis=0, dtype=np.float32)
     measured, background = scanned.measured[rows], scanned.background[rows]
     gain = level[measured].mean() / background[measured].mean()
     with np.errstate(divide="ignore", invalid="ignore"):
-        signal = np.clip((level / gain - background) / scanned.modulation[rows], -SIGNAL_LIMIT, SIGNAL_LIMIT)
-    own = first_phase_of_hold(np.where(measured, signal, 0.0).astype(np.float32), sense=rotation.sense)
+        level /= gain
+        level -= background
+        level /= scanned.modulation[rows]
+    np.clip(level, -SIGNAL_LIMIT, SIGNAL_LIMIT, out=level)
+    level[~measured] = 0.0
+    own = first_phase_of_hold(level, sense=rotation.sense)
     height = frames.shape[1]
     return own if len(measured) == height else _on_whole_image(own, rows, height)
 

@@ -25,7 +25,7 @@ from rahas.kernels.snake_light import (
 )
 from rahas.kernels.snake_prediction import Prediction, first_prediction
 from rahas.kernels.snake_tracking import memory_of_rows
-from rahas.kernels.snakes import blank_snakes, rows_from_names
+from rahas.kernels.snakes import SnakeSet, blank_snakes, rows_from_names
 from rahas.kernels.stripe_count import StripeCount, find_num_snakes
 from rahas.kernels.unrotation import canvas_columns, canvas_matrix, unrotation_deg_from_slide_angle
 from rahas.params import SnakesParams
@@ -34,6 +34,10 @@ from rahas.stages.snake_frames import FrameReader, State, Tools, Turn, next_fram
 from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameStack
 
 BLOCK_FRAMES = 64
+BLOCK_POINTS = 2_500_000
+"""Snake points of a block, on all its frames: wide images come in shorter blocks."""
+AHEAD_PIXELS = 1_300_000
+"""Of the frames looked at before they are tracked."""
 _HOLD_FRAMES = 8
 _ENVELOPE_FRAMES = 80
 _FIRST_ENVELOPE_FRAMES = 24
@@ -83,6 +87,8 @@ class Tracking(NamedTuple):
     """(snake) canvas row of each snake at the canvas's middle column in the first frame."""
     unrotation_deg: FloatArray
     """(frame) NaN in the dark."""
+    block_frames: int
+    """Frames of a block."""
     blocks: Iterator[SnakeBlock]
 
 
@@ -161,6 +167,9 @@ def track(
     if count < _MIN_STRIPES:
         raise _no_stripes(count)
     snakes = count + params.spare_snakes
+    block = BLOCK_FRAMES
+    while block > 8 and block * snakes * reader.shape[1] > BLOCK_POINTS:
+        block //= 2
     rows = rows_from_names(peaks, names, snakes)
     return Tracking(
         pitch_px=stripes.pitch_px,
@@ -168,8 +177,9 @@ def track(
         snakes=snakes,
         first_positions_px=first_positions(names, peaks, snakes=snakes),
         unrotation_deg=unrotation,
+        block_frames=block,
         blocks=_blocks(
-            reader, timeline, unrotation, rows, _prediction(names, peaks, reader.shape, angle, stripes), tools
+            reader, timeline, unrotation, rows, _prediction(names, peaks, reader.shape, angle, stripes), tools, block
         ),
     )
 
@@ -234,32 +244,40 @@ def _blocks(
     rows: Float32Array,
     prediction: Prediction,
     tools: Tools,
+    block_frames: int,
 ) -> Iterator[SnakeBlock]:
     snakes, width = rows.shape
     labelled = int(np.isfinite(rows).sum())
     state = State(memory_of_rows(rows), prediction)
     kept = 0.0
     shown = timeline.lit & np.isfinite(unrotation)
-    sights = ahead(lambda n: seen(reader.frame(n), float(unrotation[n]), tools), np.flatnonzero(shown).tolist())
-    for first in range(0, reader.count, BLOCK_FRAMES):
-        sets = []
-        for n in range(first, min(first + BLOCK_FRAMES, reader.count)):
+    sights = ahead(
+        lambda n: seen(reader.frame(n), float(unrotation[n]), tools),
+        np.flatnonzero(shown).tolist(),
+        depth=int(np.clip(AHEAD_PIXELS // (reader.shape[0] * reader.shape[1]), 1, 3)),
+    )
+    blank = blank_snakes(snakes, width)
+    for first in range(0, reader.count, block_frames):
+        count = min(block_frames, reader.count - first)
+        sets = SnakeBlock(first, *(np.empty((count, *part.shape), part.dtype) for part in blank))
+        for n in range(first, first + count):
             if not shown[n]:
-                sets.append(blank_snakes(snakes, width))
+                _put(sets, n, blank)
                 continue
             turn = Turn(float(unrotation[n]), float(timeline.slide_angle_deg[n]))
             state, one = next_frame(next(sights), turn, state, tools)
-            sets.append(one)
+            _put(sets, n, one)
             if timeline.second_hold[0] <= n <= timeline.second_hold[1]:
                 kept = max(kept, np.count_nonzero(one.identity) / labelled)
             if n == timeline.second_hold[1]:
                 _refuse_if_lost(kept, tools.params.min_tracked_share)
-        yield SnakeBlock(
-            first,
-            np.stack([s.identity for s in sets]),
-            np.stack([s.y for s in sets]),
-            np.stack([s.value for s in sets]),
-        )
+        yield sets
+
+
+def _put(block: SnakeBlock, number: int, one: SnakeSet) -> None:
+    """Set frame ``number`` of a block."""
+    place = number - block.first_frame
+    block.identity[place], block.y[place], block.value[place] = one.identity, one.y, one.value
 
 
 def _refuse_if_lost(share: float, least: float) -> None:

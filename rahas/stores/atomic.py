@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 TEMPORARY_PREFIX = ".making-"
+_HOST = re.sub(r"[^A-Za-z0-9.]", "_", os.uname().nodename)
+_OWNED = re.compile(re.escape(TEMPORARY_PREFIX) + r"([A-Za-z0-9._]+)-([0-9]+)-[^-]*")
+_SURELY_DEAD_S = 2 * 24 * 3600.0
 
 
 @contextmanager
@@ -19,10 +24,11 @@ def replacing(path: Path) -> Iterator[Path]:
     """Give a temporary sibling of ``path`` to write (a file or a folder); rename it into place when all went well.
 
     A folder that stood under the final name is replaced. On any error the temporary is removed and ``path`` stays
-    as it was. A killed process leaves at most a ``.making-`` sibling, which :func:`sweep` removes.
+    as it was. A killed process leaves at most a ``.making-`` sibling, which :func:`sweep` or :func:`sweep_dead`
+    removes; its name tells whose it was.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    holder = Path(tempfile.mkdtemp(prefix=TEMPORARY_PREFIX, dir=path.parent))
+    holder = _holder(path.parent)
     temporary = holder / path.name
     try:
         yield temporary
@@ -57,7 +63,7 @@ def read_json(path: Path) -> Any:
 def remove(path: Path) -> None:
     """Remove a file or a folder if it is there; a folder loses its name first, so none is seen half-gone."""
     if path.is_dir() and not path.is_symlink():
-        holder = Path(tempfile.mkdtemp(prefix=TEMPORARY_PREFIX, dir=path.parent))
+        holder = _holder(path.parent)
         os.rename(path, holder / path.name)
         shutil.rmtree(holder)
     else:
@@ -68,6 +74,39 @@ def sweep(folder: Path) -> None:
     """Remove what killed writers left in ``folder``; call it only while holding the lock that guards the folder."""
     for left_over in folder.glob(f"{TEMPORARY_PREFIX}*"):
         shutil.rmtree(left_over, ignore_errors=True)
+
+
+def sweep_dead(folder: Path) -> None:
+    """Remove what killed writers left in a ``folder`` that no lock guards: only what nobody can still be writing.
+
+    That is what a process of this machine left that lives no more, and of other machines what is two days old.
+    """
+    for left_over in folder.glob(f"{TEMPORARY_PREFIX}*"):
+        owner = _OWNED.fullmatch(left_over.name)
+        here = owner is not None and owner[1] == _HOST
+        if _is_dead(int(owner[2])) if owner and here else _age_s(left_over) > _SURELY_DEAD_S:
+            shutil.rmtree(left_over, ignore_errors=True)
+
+
+def _holder(folder: Path) -> Path:
+    return Path(tempfile.mkdtemp(prefix=f"{TEMPORARY_PREFIX}{_HOST}-{os.getpid()}-", dir=folder))
+
+
+def _is_dead(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return True
+    except OSError:  # it lives, and is another user's
+        return False
+    return False
+
+
+def _age_s(path: Path) -> float:
+    try:
+        return time.time() - path.stat().st_mtime
+    except OSError:
+        return 0.0
 
 
 def _flush(path: Path) -> None:

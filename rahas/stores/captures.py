@@ -46,29 +46,44 @@ def path_below_captures(cell: str) -> PurePosixPath:
     return PurePosixPath(*parts)
 
 
-def captures_with_stem(captures: Path, scan_id: str) -> list[Path]:
-    """Captures directly in ``captures`` whose stem is ``scan_id``: folders, videos, else a single file of another kind.
+class Listing:
+    """Folders of captures by the names in them; each is listed once, however many rows ask."""
 
-    An exact stem goes before one that differs in case. More than one path means that the log has to name it.
-    """
-    children = _visible(captures)
-    for plain in (str, str.casefold):
-        found = [p for p in children if plain(scan_id) in (plain(p.stem), plain(p.name) if p.is_dir() else None)]
-        likely = [p for p in found if p.is_dir() or p.suffix.lower() in VIDEO_SUFFIXES]
-        others = [p for p in found if p not in likely]
-        if likely or len(others) == 1:
-            return likely or others
-    return []
+    def __init__(self) -> None:
+        self._folders: dict[Path, dict[str, list[Path]]] = {}
 
+    def captures_with_stem(self, captures: Path, scan_id: str) -> list[Path]:
+        """Captures directly in ``captures`` with stem ``scan_id``: folders, videos, else a single file of another kind.
 
-def texture_with_stem(folder: Path, scan_id: str) -> Path | None:
-    """``<scan_id>_texture.*`` in ``folder``; of several kinds of picture the one that loses least."""
-    stem = f"{scan_id}_texture".casefold()
-    found = [p for p in _visible(folder) if p.stem.casefold() == stem and p.suffix.lower() in PICTURE_SUFFIXES]
-    return min(found, key=lambda p: (PICTURE_SUFFIXES.index(p.suffix.lower()), p.name), default=None)
-
-
-def _visible(folder: Path) -> list[Path]:
-    if not folder.is_dir():
+        An exact stem goes before one that differs in case. More than one path means that the log has to name it.
+        """
+        alike = self._alike(captures, scan_id)
+        for plain in (str, str.casefold):
+            found = [p for p in alike if plain(scan_id) in (plain(p.stem), plain(p.name) if p.is_dir() else None)]
+            likely = [p for p in found if p.is_dir() or p.suffix.lower() in VIDEO_SUFFIXES]
+            others = [p for p in found if p not in likely]
+            if likely or len(others) == 1:
+                return likely or others
         return []
-    return sorted(p for p in folder.iterdir() if not p.name.startswith("."))
+
+    def texture_with_stem(self, folder: Path, scan_id: str) -> Path | None:
+        """``<scan_id>_texture.*`` in ``folder``; of several kinds of picture the one that loses least."""
+        stem = f"{scan_id}_texture"
+        pictures = [p for p in self._alike(folder, stem) if p.suffix.lower() in PICTURE_SUFFIXES]
+        found = [p for p in pictures if p.stem.casefold() == stem.casefold()]
+        return min(found, key=lambda p: (PICTURE_SUFFIXES.index(p.suffix.lower()), p.name), default=None)
+
+    def _alike(self, folder: Path, name: str) -> list[Path]:
+        """What lies in ``folder`` with that name or stem, whatever the case, in the order of names."""
+        if folder not in self._folders:
+            self._folders[folder] = _by_name(folder)
+        return self._folders[folder].get(name.casefold(), [])
+
+
+def _by_name(folder: Path) -> dict[str, list[Path]]:
+    found: dict[str, list[Path]] = {}
+    if folder.is_dir():
+        for path in sorted((p for p in folder.iterdir() if not p.name.startswith(".")), key=lambda p: p.name):
+            for name in {path.name.casefold(), path.stem.casefold()}:
+                found.setdefault(name, []).append(path)
+    return found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -48,3 +49,14 @@ def digest_of_path(path: Path) -> str:
     manifest = path / MANIFEST_NAME
     is_store = path.suffix == ".zarr" and manifest.is_file()
     return digest_of_file(manifest) if is_store else digest_of_json(manifest_of_folder(path))
+
+
+def digests_of_files(folder: Path, paths: Iterable[Path]) -> dict[str, str]:
+    """Digest of each of ``paths`` that exists, of a folder of each file in it, by their paths below ``folder``."""
+    found: dict[str, str] = {}
+    for path in paths:
+        if path.is_dir():
+            found |= {str((path / name).relative_to(folder)): d for name, d in manifest_of_folder(path).items()}
+        elif path.exists():
+            found[str(path.relative_to(folder))] = digest_of_file(path)
+    return found

@@ -12,14 +12,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from rahas.errors import ExpeditionError
-from rahas.stores.captures import (
-    CAPTURES,
-    SIMULATED,
-    PathRefused,
-    captures_with_stem,
-    path_below_captures,
-    texture_with_stem,
-)
+from rahas.stores.captures import CAPTURES, SIMULATED, Listing, PathRefused, path_below_captures
 from rahas.stores.csv_table import Row, Table, TableUnreadable, read_table, shown
 
 FIELD_LOG = "field_log.csv"
@@ -101,8 +94,9 @@ def read_field_log(expedition: Path, *, skip_bad_rows: bool = False) -> FieldLog
     """
     table = _table(expedition / FIELD_LOG)
     drafts = [_Draft(row, place, _cleaned(row)) for place, row in enumerate(table.rows)]
+    listing = Listing()
     for draft in drafts:
-        _check_cells(draft, expedition, table.delimiter)
+        _check_cells(draft, expedition, table.delimiter, listing)
     _check_unique(drafts)
     _check_references(drafts)
     faults = [fault for draft in drafts for fault in draft.faults]
@@ -110,7 +104,8 @@ def read_field_log(expedition: Path, *, skip_bad_rows: bool = False) -> FieldLog
         raise ExpeditionError("\n".join(faults))
     good = [draft for draft in drafts if not draft.faults]
     unknown = [name for name in table.columns if name not in (*NEEDED_COLUMNS, *OPTIONAL_COLUMNS)]
-    return FieldLog(tuple(_entry(draft, good, expedition, unknown) for draft in good), tuple(faults))
+    rows = _Rows(good)
+    return FieldLog(tuple(_entry(draft, rows, expedition, unknown, listing) for draft in good), tuple(faults))
 
 
 def _table(path: Path) -> Table:
@@ -130,7 +125,7 @@ def _cleaned(row: Row) -> dict[str, str]:
     }
 
 
-def _check_cells(draft: _Draft, expedition: Path, delimiter: str) -> None:
+def _check_cells(draft: _Draft, expedition: Path, delimiter: str, listing: Listing) -> None:
     cells = draft.cells
     if not _ID.fullmatch(cells["scan_id"]):
         draft.blame("scan_id", _ID_EXPECTED)
@@ -154,7 +149,7 @@ def _check_cells(draft: _Draft, expedition: Path, delimiter: str) -> None:
             f"no further cell (a note with {shown(delimiter)} in it has to stand between quotes)"
         )
     if not cells["capture"] and not draft.faults:
-        found = captures_with_stem(expedition / CAPTURES, cells["scan_id"])
+        found = listing.captures_with_stem(expedition / CAPTURES, cells["scan_id"])
         if len(found) > 1:
             names = " and ".join(path.name for path in found)
             draft.blame("capture", f"the name of one of the captures that this id may mean: {names}")
@@ -209,25 +204,37 @@ def _cycle_from(draft: _Draft, rows: dict[str, _Draft]) -> list[str]:
     return [*chain, start] if named == start else []
 
 
-def _entry(draft: _Draft, good: list[_Draft], expedition: Path, unknown: list[str]) -> Entry:
+class _Rows:
+    """The rows that stay: all ids, and the calibrations by site, gathered once for all rows that ask."""
+
+    def __init__(self, good: list[_Draft]) -> None:
+        self.ids = {draft.cells["scan_id"] for draft in good}
+        calibrations = [draft for draft in good if draft.cells["role"] == "calibration"]
+        self.calibrations = [draft.cells["scan_id"] for draft in calibrations]
+        self.calibration_ids = frozenset(self.calibrations)
+        self.of_site: dict[str, list[_Draft]] = {}
+        for draft in calibrations:
+            self.of_site.setdefault(_site(draft), []).append(draft)
+
+
+def _entry(draft: _Draft, rows: _Rows, expedition: Path, unknown: list[str], listing: Listing) -> Entry:
     cells = draft.cells
-    ids = {other.cells["scan_id"] for other in good}
     capture = _below(expedition, cells["capture"])
     simulated = bool(cells["capture"]) and path_below_captures(cells["capture"]).parts[0] == SIMULATED
     if capture is None:
-        capture = next(iter(captures_with_stem(expedition / CAPTURES, cells["scan_id"])), None)
+        capture = next(iter(listing.captures_with_stem(expedition / CAPTURES, cells["scan_id"])), None)
     texture = _below(expedition, cells["texture"])
     if texture is None:
-        texture = texture_with_stem(expedition / CAPTURES, cells["scan_id"])
+        texture = listing.texture_with_stem(expedition / CAPTURES, cells["scan_id"])
     if texture is None and capture is not None and not simulated:
-        texture = texture_with_stem(capture.parent, cells["scan_id"])
+        texture = listing.texture_with_stem(capture.parent, cells["scan_id"])
     return Entry(
         **{name: cells[name] for name in (*NEEDED_COLUMNS, *NOTEBOOK_COLUMNS, "role")},
-        calibration=_calibration_of(draft, good),
+        calibration=_calibration_of(draft, rows),
         capture=capture,
         texture=texture,
         texture_named=bool(cells["texture"]),
-        redundant_of=cells["redundant_of"] if cells["redundant_of"] in ids else None,
+        redundant_of=cells["redundant_of"] if cells["redundant_of"] in rows.ids else None,
         extra={name: draft.row.cells[name] for name in unknown},
         line=draft.row.line,
         simulated=simulated,
@@ -238,22 +245,19 @@ def _below(expedition: Path, cell: str) -> Path | None:
     return expedition / CAPTURES / PurePosixPath(path_below_captures(cell)) if cell else None
 
 
-def _calibration_of(draft: _Draft, good: list[_Draft]) -> str | None:
+def _calibration_of(draft: _Draft, rows: _Rows) -> str | None:
     """The named calibration; else the only one; else the nearest with the same site, the later one of two as near.
 
     One that the operator rejected is taken only where the site has no other.
     """
     if draft.cells["role"] == "calibration":
         return None
-    calibrations = [other for other in good if other.cells["role"] == "calibration"]
-    ids = [other.cells["scan_id"] for other in calibrations]
     if draft.cells["calibration"]:
-        return draft.cells["calibration"] if draft.cells["calibration"] in ids else None
-    if len(calibrations) == 1:
-        return ids[0]
-    same_site = [other for other in calibrations if _site(other) == _site(draft)]
+        return draft.cells["calibration"] if draft.cells["calibration"] in rows.calibration_ids else None
+    if len(rows.calibrations) == 1:
+        return rows.calibrations[0]
     nearest = min(
-        same_site,
+        rows.of_site.get(_site(draft), []),
         key=lambda other: (
             other.cells["decision"] == "reject",
             abs(other.place - draft.place),

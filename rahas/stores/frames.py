@@ -15,8 +15,10 @@ from rahas.typing import AnyArray
 
 FRAMES_PER_CHUNK = 8
 FRAMES_PER_SHARD = 64
-LARGEST_BLOCK = 48 << 20
-"""bytes of frames held at a time (twice: one block is stored while the next is decoded)"""
+LARGEST_BLOCK = 24 << 20
+"""bytes of frames in a block; some blocks are held at a time: one is decoded, others are measured and stored"""
+LARGEST_WHOLE, LARGEST_BAND = 432_000, 216_000
+"""pixels: larger frames than the first (720 x 576 is smaller) are cut into bands of up to the second, a chunk each"""
 
 
 class GrowingArray:
@@ -44,13 +46,16 @@ class GrowingArray:
         self.wait()
         if self._array is None:
             chunk, shard = chunk_and_shard(block.shape[1:], block.dtype)
+            shard = min(shard, -(-len(block) // chunk) * chunk)  # blocks that filled a part would be read again
+            height, width = block.shape[1:]
+            rows, bands = band_rows(height, width)
             self._array = self._store.create(
                 self._name,
                 self._dims,
                 (0, *block.shape[1:]),
                 block.dtype,
-                chunks=(chunk, *block.shape[1:]),
-                shards=(shard, *block.shape[1:]),
+                chunks=(chunk, rows, width),
+                shards=(shard, rows * bands, width),
                 **self._attributes,
             )
         start, self.length = self.length, self.length + len(block)
@@ -73,6 +78,15 @@ def chunk_and_shard(shape: tuple[int, ...], dtype: np.dtype[Any]) -> tuple[int, 
     fitting = max(1, min(FRAMES_PER_SHARD, LARGEST_BLOCK // max(size, 1)))
     chunk = min(FRAMES_PER_CHUNK, fitting)
     return chunk, fitting // chunk * chunk
+
+
+def band_rows(height: int, width: int) -> tuple[int, int]:
+    """Rows of a chunk, an even number where frames are cut at all, and how many such bands make a frame."""
+    if height * width <= LARGEST_WHOLE:
+        return max(1, height), 1
+    bands = -(-height * width // LARGEST_BAND)
+    rows = -(-height // (2 * bands)) * 2
+    return rows, -(-height // rows)
 
 
 def in_blocks(frames: Iterable[AnyArray]) -> Iterator[AnyArray]:

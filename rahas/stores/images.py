@@ -18,9 +18,11 @@ from PIL import Image
 
 from rahas.stores.capture import CaptureFacts, even_times, unreadable
 from rahas.stores.captures import PICTURE_SUFFIXES
+from rahas.stores.sample_depth import depth_of_samples
 from rahas.typing import AnyArray
 
 _ORIENTATION = 0x0112
+_LOOKED_AT = 9  # stills, for how many bits their samples have
 _PNG = b"\x89PNG\r\n\x1a\n"
 
 
@@ -76,16 +78,23 @@ class ImageFolder:
             (rule ``unreadable``) The stills differ in size or depth, or none can be read.
         """
         shape: tuple[int, ...] | None = None
+        shift = 0
         for file in self._files:
             try:
-                luma = _luma(_read_picture(file, self._max_pixels))
+                picture = _read_picture(file, self._max_pixels)
             except PictureUnreadable as error:
                 self._blame(str(error))
                 continue
+            word = 8 * picture.dtype.itemsize
             if shape is None:
-                shape, first, self.bit_depth = luma.shape, file.name, 8 * luma.dtype.itemsize
-            elif luma.shape != shape or 8 * luma.dtype.itemsize != self.bit_depth:
-                sizes = _size(shape, self.bit_depth), _size(luma.shape, 8 * luma.dtype.itemsize)
+                first, first_word, self.bit_depth = file.name, word, word
+                if word == 16:
+                    self.bit_depth, shift = depth_of_samples(self._some())
+            luma = _luma(picture >> shift if shift else picture)
+            if shape is None:
+                shape = luma.shape
+            elif luma.shape != shape or word != first_word:
+                sizes = _size(shape, first_word), _size(luma.shape, word)
                 raise unreadable(
                     "frame_size",
                     f"The pictures of the folder {self._path.name} are not of one kind: {first} has {sizes[0]}, "
@@ -102,6 +111,16 @@ class ImageFolder:
                 limit=1,
                 unit="frames",
             )
+
+    def _some(self) -> Iterator[AnyArray]:
+        """A few 16-bit stills from all over the capture: lit ones among them."""
+        for place in np.unique(np.linspace(0, len(self._files) - 1, _LOOKED_AT).astype(int)):
+            try:
+                picture = _read_picture(self._files[place], self._max_pixels)
+            except PictureUnreadable:
+                continue
+            if picture.dtype == np.uint16:
+                yield picture
 
     def facts(self) -> CaptureFacts:
         return CaptureFacts(

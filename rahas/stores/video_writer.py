@@ -41,10 +41,10 @@ def write_frames(path: Path, frames: Iterable[ByteArray], encoding: Encoding) ->
     Raises
     ------
     ValueError
-        No frames, an odd size, or fields asked of a codec that has none (only H.264 and MPEG-2 are interlaced here).
+        No frames, an odd size, or fields asked of a codec that has none (FFV1, H.264 and MPEG-2 have).
     """
-    if encoding.fields != "progressive" and encoding.codec not in ("h264", "mpeg2"):
-        raise ValueError(f"{encoding.codec} cannot be written as {encoding.fields}; h264 and mpeg2 can")
+    if encoding.fields != "progressive" and encoding.codec not in ("ffv1", "h264", "mpeg2"):
+        raise ValueError(f"{encoding.codec} cannot be written as {encoding.fields}; ffv1, h264 and mpeg2 can")
     iterator = iter(frames)
     first = next(iterator, None)
     if first is None:

@@ -8,9 +8,11 @@ import numpy as np
 
 from rahas.params import CalibrationParams
 from rahas.stages.calibrate import calibrate
+from rahas.stages.first_hold import first_hold_of
+from rahas.stages.rotation_frames import rotation_of_timeline
 from rahas.stages.sighting import Target
 from rahas.stores.arrays import open_store
-from rahas.stores.atomic import write_json
+from rahas.stores.atomic import read_json, write_json
 from rahas.stores.layout import ScanFolder
 from rahas.stores.photos import read_texture
 from rahas.stores.target import read_target
@@ -32,5 +34,7 @@ def run(scan: ScanFolder, *, target: Path, texture: Path | None, params: Calibra
         target=table,
         photo=photo,
         params=params,
+        modulation=phase["modulation"][...],
+        hold=first_hold_of(open_store(scan.frames)["frames"], rotation_of_timeline(read_json(scan.timeline))),
     )
     write_json(scan.calibration, {"scan_id": scan.scan_id, **calibration.as_json()})

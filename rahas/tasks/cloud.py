@@ -9,7 +9,10 @@ import numpy as np
 
 from rahas.params import CloudParams
 from rahas.stages.cloud import Cloud, make_cloud
+from rahas.stages.consistency import Consistency, check_consistency
+from rahas.stages.first_hold import first_hold_of
 from rahas.stages.rig import rig_from_json
+from rahas.stages.rotation_frames import rotation_of_timeline
 from rahas.stores.arrays import open_store, writing_store
 from rahas.stores.atomic import read_json
 from rahas.stores.layout import ScanFolder
@@ -22,15 +25,23 @@ _DIMS = ("y", "x")
 def run(scan: ScanFolder, *, calibration: ScanFolder, texture: Path | None, params: CloudParams) -> None:
     """Triangulate a scan with its calibration."""
     phase = open_store(scan.phase)
+    rig = rig_from_json(read_json(calibration.calibration))
     cloud = make_cloud(
         unwrapped_phase=phase["unwrapped_phase"][...],
         phase_std=phase["phase_std"][...],
         background=phase["background"][...],
-        rig=rig_from_json(read_json(calibration.calibration)),
+        rig=rig,
         photo=None if texture is None else read_texture(texture),
         params=params,
     )
-    _write_store(scan, calibration, cloud)
+    consistency = check_consistency(
+        rig,
+        first_hold_of(open_store(scan.frames)["frames"], rotation_of_timeline(read_json(scan.timeline))),
+        unwrapped_phase=phase["unwrapped_phase"][...],
+        background=phase["background"][...],
+        modulation=phase["modulation"][...],
+    )
+    _write_store(scan, calibration, cloud, consistency)
     write_cloud(
         scan.cloud_ply,
         cloud.points,
@@ -43,7 +54,7 @@ def run(scan: ScanFolder, *, calibration: ScanFolder, texture: Path | None, para
     )
 
 
-def _write_store(scan: ScanFolder, calibration: ScanFolder, cloud: Cloud) -> None:
+def _write_store(scan: ScanFolder, calibration: ScanFolder, cloud: Cloud, consistency: Consistency | None) -> None:
     attributes = {
         "scan_id": scan.scan_id,
         "calibration": calibration.scan_id,
@@ -52,6 +63,7 @@ def _write_store(scan: ScanFolder, calibration: ScanFolder, cloud: Cloud) -> Non
         "ripple_after_rad": cloud.debanded.ripple_after.tolist(),
         "ripple_std_rad": cloud.debanded.ripple_std.tolist(),
         "ripple_orders_removed": list(cloud.debanded.orders_removed),
+        "calibration_consistency": None if consistency is None else consistency._asdict(),
         "warnings": cloud.warnings,
     }
     points: dict[str, Any] = {"units": "mm", "fill_value": np.nan}

@@ -32,6 +32,11 @@ class Expedition:
     def _by_id(self) -> dict[str, Entry]:
         return {entry.scan_id: entry for entry in self.entries}
 
+    @cached_property
+    def sections(self) -> dict[str, Any]:
+        """The configuration as plain values."""
+        return self.config.model_dump(mode="json")
+
     @property
     def results(self) -> Path:
         return self.root / "results"

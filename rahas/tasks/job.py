@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rahas.provenance.fingerprints import package_code
-from rahas.provenance.records import MADE, Recipe, Record, library_versions, read_record
+from rahas.provenance.companions import Clock
+from rahas.provenance.records import MADE, Record, read_record
 from rahas.stores.atomic import sweep
-from rahas.stores.digests import digest_of_json, digest_of_path
+from rahas.stores.digests import digest_of_json, digest_of_path, digests_of_files
 from rahas.stores.locks import only_writer
 from rahas.tasks.expedition import Expedition
-from rahas.tasks.make import Maker, Rejected, say
+from rahas.tasks.make import Maker, Rejected, finish, say
 from rahas.tasks.pipeline import JOBS, STAGES, Work
-from rahas.tasks.plan import PAGE_ENTRY, VERDICT_ENTRY, Plan, row_of, templates_digest, write_stamp
+from rahas.tasks.plan import PAGE_ENTRY, VERDICT_ENTRY, Plan, write_stamp
+from rahas.tasks.recipes import page_recipe, verdict_recipe
 
 
 def run(expedition: Expedition, job_name: str, scan_id: str, stamp: Path) -> None:
@@ -44,6 +45,7 @@ def run(expedition: Expedition, job_name: str, scan_id: str, stamp: Path) -> Non
 def _write_verdict(work: Work, problem: object) -> None:
     from rahas.tasks import review  # where it is needed: a job's imports are part of its time
 
+    clock = Clock()
     entry, scan = work.entry, work.scan
     review.write_verdict(
         scan,
@@ -53,41 +55,27 @@ def _write_verdict(work: Work, problem: object) -> None:
         overridden=entry.scan_id in work.expedition.include_rejected,
         problem=problem,
     )
-    read = (scan.capture_review, scan.result_review, scan.calibration)
-    recipe = Recipe(
-        stage="verdict",
-        inputs={p.name: digest_of_path(p) for p in read if p.exists()},
-        columns={"decision": entry.decision, "role": entry.role},
-        params={"included": entry.scan_id in work.expedition.include_rejected, "problem": problem},
-        code=package_code().fingerprint(VERDICT_ENTRY),
-        libraries={},
-    )
-    Record(recipe, MADE, {scan.qa.name: digest_of_path(scan.qa)}).write(scan.records / "verdict.json")
+    record = Record(verdict_recipe(work, problem), MADE, {scan.qa.name: digest_of_path(scan.qa)})
+    record.write(scan.records / "verdict.json")
+    finish(work, "verdict", VERDICT_ENTRY, record, clock)
 
 
 def _write_page(work: Work) -> None:
+    clock = Clock()
     scan, path = work.scan, work.scan.records / "page.json"
-    read = [p for name in STAGES for p in STAGES[name].outputs(scan) if p.exists()]
-    calibration = work.calibration
-    recipe = Recipe(
-        stage="page",
-        inputs={
-            **{str(p.relative_to(scan.path)): digest_of_path(p) for p in (*read, scan.qa)},
-            "calibration": digest_of_path(calibration.calibration)
-            if calibration is not None and calibration.calibration.exists()
-            else "none",
-        },
-        columns=row_of(work.entry),
-        params={"templates": templates_digest()},
-        code=package_code().fingerprint(PAGE_ENTRY),
-        libraries=library_versions("jinja2", "opencv-python-headless"),
-    )
+    recipe = page_recipe(work)
     former = read_record(path)
-    if former is not None and former.recipe.key == recipe.key and scan.report.exists() and scan.figures.exists():
+    if former is not None and former.recipe.key == recipe.key and _lies_there(scan.path, former):
         return
     from rahas.tasks import page
 
-    page.run(scan, entry=work.entry, calibration=calibration)
-    outputs = {p.name: digest_of_path(p) for p in (scan.report, scan.figures) if p.exists()}
-    Record(recipe, MADE, outputs).write(path)
+    page.run(scan, entry=work.entry, calibration=work.calibration)
+    outputs = digests_of_files(scan.path, (scan.report, scan.figures))
+    record = Record(recipe, MADE, outputs)
+    record.write(path)
+    finish(work, "page", PAGE_ENTRY, record, clock)
     say(work.entry.scan_id, f"page written, digest {digest_of_json(outputs)[:8]}")
+
+
+def _lies_there(folder: Path, record: Record) -> bool:
+    return all((folder / name).exists() for name in record.outputs)

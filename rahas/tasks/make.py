@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import sys
-import time
 from collections.abc import Mapping
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from rahas.errors import CaptureProblem
+from rahas.provenance.code import keep_definitions
+from rahas.provenance.companions import Clock, write_companion
 from rahas.provenance.fingerprints import package_code
 from rahas.provenance.records import MADE, MAKING, PROBLEM, WITHDRAWN, Recipe, Record, library_versions, read_record
 from rahas.stores.atomic import read_json, remove
 from rahas.stores.digests import digest_of_json, digest_of_path
+from rahas.tasks.memory import give_back_memory
 from rahas.tasks.pipeline import GATES, STAGES, Job, Stage, Work, withdrawn_by
 
 
@@ -80,14 +82,14 @@ class Maker:
 
     def recipe(self, stage: Stage) -> Recipe:
         """What decides the stage's output, as it stands now."""
-        inputs = {need: _digest_of_record(self.record(need)) for need in stage.needs}
+        inputs = {need: digest_of_record(self.record(need)) for need in stage.needs}
         inputs |= {
             name: digest_of_path(path) if path is not None and path.exists() else f"none {path.name if path else ''}"
             for name, path in stage.files(self.work).items()
         }
         if stage.borrows and self.work.entry.role != "calibration":
             borrowed = self.work.lent(stage.borrows)
-            inputs["calibration"] = f"{borrowed.outcome if borrowed else 'none'} {_digest_of_record(borrowed)}"
+            inputs["calibration"] = f"{borrowed.outcome if borrowed else 'none'} {digest_of_record(borrowed)}"
         return Recipe(
             stage=stage.name,
             inputs=inputs,
@@ -118,7 +120,8 @@ class Maker:
         return record.outcome == MADE and stage.lies_there(self.scan)
 
     def _compute(self, stage: Stage, recipe: Recipe) -> None:
-        started = time.perf_counter()
+        clock = Clock()
+        give_back_memory()
         record_path = self._record_path(stage.name)
         Record(recipe, MAKING).write(record_path)
         module, _, function = stage.entry.partition(":")
@@ -130,11 +133,15 @@ class Maker:
         except CaptureProblem as problem:
             for path in stage.outputs(self.scan):
                 remove(path)
-            Record(recipe, PROBLEM, reason=problem.as_reason()).write(record_path)
+            record = Record(recipe, PROBLEM, reason=problem.as_reason())
+            record.write(record_path)
+            finish(self.work, stage.name, stage.entry, record, clock)
             raise Rejected(stage.name, problem.as_reason()) from None
         outputs = {str(p.relative_to(self.scan.path)): digest_of_path(p) for p in stage.outputs(self.scan)}
-        Record(recipe, MADE, outputs).write(record_path)
-        say(self.work.entry.scan_id, f"{stage.name} made in {time.perf_counter() - started:.1f} s")
+        record = Record(recipe, MADE, outputs)
+        record.write(record_path)
+        finish(self.work, stage.name, stage.entry, record, clock)
+        say(self.work.entry.scan_id, f"{stage.name} made in {clock.seconds:.1f} s")
 
     def _record_path(self, name: str) -> Path:
         return self.scan.records / f"{name}.json"
@@ -145,7 +152,15 @@ def say(scan_id: str, what: str) -> None:
     print(f"rahas: {scan_id}: {what}", file=sys.stderr, flush=True)
 
 
-def _digest_of_record(record: Record | None) -> str:
+def finish(work: Work, stage: str, entry: str, record: Record, clock: Clock) -> None:
+    """Leave what stands beside a record that has just been written: its companion, and the code of its fingerprint."""
+    read = STAGES[stage].files(work) if stage in STAGES else {}
+    files = {name: str(path.relative_to(work.expedition.root)) for name, path in read.items() if path is not None}
+    write_companion(work.scan.records / f"{stage}.json", record, clock, notes=work.entry.notes, files=files)
+    keep_definitions(work.expedition.results, package_code(), entry)
+
+
+def digest_of_record(record: Record | None) -> str:
     if record is None:
         return "none"
     return digest_of_json({"outcome": record.outcome == PROBLEM, "outputs": record.outputs, "reason": record.reason})

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +136,7 @@ class Stage:
 
     def params(self, work: Work) -> dict[str, Any]:
         """The parameters that it reads, as plain values; those of further sections below the section's name."""
-        config = work.expedition.config.model_dump(mode="json")
+        config = work.expedition.sections
         own = config[self.section] if self.section else {}
         return {**own, **{section: config[section] for section in self.also_reads}}
 
@@ -200,7 +201,7 @@ _TABLE = (
     Stage(
         name="calibrate",
         entry="rahas.tasks.calibrate:run",
-        needs=("phase",),
+        needs=("ingest", "timeline", "phase"),
         outputs=lambda scan: (scan.calibration,),
         arguments=lambda work: {"target": work.expedition.target, "texture": work.texture_file()},
         section="calibration",
@@ -211,7 +212,7 @@ _TABLE = (
     Stage(
         name="cloud",
         entry="rahas.tasks.cloud:run",
-        needs=("phase",),
+        needs=("ingest", "timeline", "phase"),
         outputs=lambda scan: (scan.cloud, scan.cloud_ply),
         arguments=lambda work: {"calibration": work.calibration_with("calibrate"), "texture": work.texture_file()},
         section="cloud",
@@ -278,9 +279,15 @@ def last_job(entry: Entry) -> Job:
     return JOBS["calibrate" if entry.role == "calibration" else "surface"]
 
 
-def _closure(name: str) -> set[str]:
+@lru_cache
+def _closure(name: str) -> frozenset[str]:
     stage = STAGES[name]
-    return {name}.union(*(_closure(before) for before in (*stage.needs, *stage.gates)))
+    return frozenset({name}).union(*(_closure(before) for before in (*stage.needs, *stage.gates)))
+
+
+def stages_before(name: str) -> frozenset[str]:
+    """Stage ``name`` and all that has to be made, or has to let the scan through, before it."""
+    return _closure(name)
 
 
 def withdrawn_by(name: str) -> tuple[str, ...]:

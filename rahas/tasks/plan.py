@@ -10,18 +10,20 @@ Snakemake's own metadata.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 from typing import Any
 
 from rahas.provenance.fingerprints import package_code
-from rahas.provenance.records import MADE, MAKING, library_versions, read_record
+from rahas.provenance.records import MADE, MAKING, PROBLEM, Record, library_versions, read_record
 from rahas.stores.atomic import write_json
+from rahas.stores.capture_size import CaptureSize, size_of_capture, size_of_store
 from rahas.stores.captures import SIMULATED
 from rahas.stores.digests import digest_of_json, manifest_of_folder
 from rahas.stores.field_log import Entry
 from rahas.stores.layout import ScanFolder
 from rahas.stores.plain_yaml import PlainYamlError, parse_plain_yaml
+from rahas.tasks.announce import Now, Outdated
 from rahas.tasks.expedition import Expedition
 from rahas.tasks.pipeline import JOBS, STAGES, Job, Work, last_job
 
@@ -29,6 +31,8 @@ PAGE_ENTRY = "rahas.tasks.page:run"
 VERDICT_ENTRY = "rahas.tasks.review:write_verdict"
 SIMULATE_ENTRY = "rahas.tasks.simulate:run"
 SUMMARY_ENTRY = "rahas.tasks.summary:run"
+SUMMARY_UNASKED = "results/expedition/provenance/summary.unasked.1"
+"""Stamp of a summary that nobody asks for: its true name takes the keys of all rows."""
 TEMPLATES = Path(__file__).resolve().parents[1] / "report" / "templates"
 
 
@@ -42,6 +46,9 @@ class Plan:
             for entry in (PAGE_ENTRY, VERDICT_ENTRY, SIMULATE_ENTRY, SUMMARY_ENTRY, *(s.entry for s in STAGES.values()))
         }
         self._keys: dict[tuple[str, str], str] = {}
+        self._stamps: dict[tuple[str, str], str] = {}
+        self._sizes: dict[str, CaptureSize | None] = {}
+        self.outdated = Outdated(expedition.results, package_code())
 
     def jobs(self, entry: Entry) -> tuple[Job, ...]:
         """The jobs of a row, in order; a row that is not processed only gets its page."""
@@ -49,6 +56,14 @@ class Plan:
         if not self.expedition.is_processed(entry):
             return (last,)
         return (JOBS["capture"], JOBS["phase"], last)
+
+    def capture_size(self, scan_id: str) -> CaptureSize | None:
+        """How large a row's capture is, as far as a look tells; ``None`` where it does not."""
+        if scan_id not in self._sizes:
+            entry, limit = self.expedition.entry(scan_id), self.expedition.config.ingest.max_megapixels
+            stored = size_of_store(self.expedition.scan(scan_id).frames)
+            self._sizes[scan_id] = stored or size_of_capture(entry.capture, max_pixels=round(limit * 1e6))
+        return self._sizes[scan_id]
 
     def inputs(self, job_name: str, scan_id: str) -> list[str]:
         """Stamps that a job waits for."""
@@ -58,15 +73,29 @@ class Plan:
         )
 
     def stamp(self, job_name: str, scan_id: str) -> str:
-        """Path of the stamp, from the expedition's folder."""
-        job, entry = JOBS[job_name], self.expedition.entry(scan_id)
-        return self._name(f"{job_name}.{self.key(job_name, scan_id)[:16]}", scan_id, self._is_whole(job, entry))
+        """Path of the stamp, from the expedition's folder; found once, so a plan never changes its mind."""
+        if (job_name, scan_id) not in self._stamps:
+            job, entry = JOBS[job_name], self.expedition.entry(scan_id)
+            stem = f"{job_name}.{self.key(job_name, scan_id)[:16]}"
+            records = self._records(job, entry)
+            name = self._name(stem, scan_id, self._is_whole(job, entry, records))
+            if not (self.expedition.root / name).exists():
+                self._note_outdated(entry, records)
+            self._stamps[job_name, scan_id] = name
+        return self._stamps[job_name, scan_id]
 
     def render_stamp(self, entry: Entry) -> str:
         """Stamp of the rendering of a simulated capture."""
         own = [path for path in (entry.capture, entry.texture) if path is not None and self._is_rendered(path)]
-        whole = bool(own) and all(path.exists() for path in own)
+        record = read_record(self.expedition.scan(entry.scan_id).records / "render.json")
+        recorded = record is not None and record.outcome == MADE
+        whole = recorded and bool(own) and all(path.exists() for path in own)
         return self._name(f"render.{self._render_key(entry)[:16]}", entry.scan_id, whole)
+
+    def to_render(self) -> list[str]:
+        """Rows whose capture has to be rendered first."""
+        rows = (entry for entry in self.expedition.entries if entry.simulated and self.expedition.is_processed(entry))
+        return [entry.scan_id for entry in rows if not (self.expedition.root / self.render_stamp(entry)).exists()]
 
     def targets(self) -> list[str]:
         """The stamps that end every row."""
@@ -131,15 +160,35 @@ class Plan:
             before += [(name, calibration.scan_id) for name in names]
         return before
 
-    def _is_whole(self, job: Job, entry: Entry) -> bool:
+    def announcement(self) -> list[str]:
+        """What has changed since earlier results were made, a line a change; reads no record twice."""
+        for entry in self.expedition.entries:
+            for job in self.jobs(entry):
+                self.stamp(job.name, entry.scan_id)
+        return self.outdated.lines(STAGES)
+
+    def _note_outdated(self, entry: Entry, records: Mapping[str, Record | None]) -> None:
+        work = Work(self.expedition, entry)
+        for name, record in records.items():
+            stage = STAGES[name]
+            now = Now(self._code[stage.entry], stage.params(work), library_versions(*stage.libraries))
+            if record is not None and record.outcome in (MADE, PROBLEM) and not now.is_that_of(record.recipe):
+                self.outdated.add(entry.scan_id, stage.entry, record, now)
+
+    def _records(self, job: Job, entry: Entry) -> dict[str, Record | None]:
+        """Records of the stages that the job may compute."""
+        if not self.expedition.is_processed(entry):
+            return {}
+        folder = self.expedition.scan(entry.scan_id).records
+        return {stage.name: read_record(folder / f"{stage.name}.json") for stage in job.stages()}
+
+    def _is_whole(self, job: Job, entry: Entry, records: Mapping[str, Record | None]) -> bool:
         """Whether the artifacts that the job's records speak of lie there."""
         scan = self.expedition.scan(entry.scan_id)
         if job.is_last and not all(path.exists() for path in (scan.report, scan.figures, scan.qa)):
             return False
-        if not self.expedition.is_processed(entry):
-            return True
-        for stage in job.stages():
-            record = read_record(scan.records / f"{stage.name}.json")
+        for name, record in records.items():
+            stage = STAGES[name]
             if record is None:  # not made for a reason, or the record was lost
                 if any(path.exists() for path in stage.outputs(scan)):
                     return False
@@ -196,6 +245,7 @@ def row_of(entry: Entry) -> dict[str, Any]:
     }
 
 
+@lru_cache(maxsize=1)
 def templates_digest() -> str:
     """Digest of the pages' templates: code that is no code."""
     return digest_of_json(manifest_of_folder(TEMPLATES))
@@ -206,7 +256,7 @@ def write_stamp(path: Path, recipe: Mapping[str, Any]) -> None:
     job = path.name.split(".")[0]
     write_json(path, recipe)
     for former in path.parent.glob(f"{job}.*.*"):
-        if former != path:
+        if former != path and former.suffix[1:].isdigit():  # not the record's companion, phase.made.json
             former.unlink()
 
 

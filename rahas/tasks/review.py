@@ -10,6 +10,8 @@ import cv2
 import numpy as np
 
 from rahas.params import CaptureReviewParams, ResultReviewParams
+from rahas.qa.consistency import consistency_findings, consistency_metrics
+from rahas.qa.findings import Findings
 from rahas.qa.rules import capture_findings, result_findings
 from rahas.qa.verdict import verdict
 from rahas.stages.review_capture import review_capture
@@ -53,9 +55,13 @@ def run_result(scan: ScanFolder, *, role: str, params: ResultReviewParams, captu
     solved = open_store(scan.phase).attrs
     metrics["label_residual_stripes"] = solved.get("label_anchor_residual_stripes")
     metrics["order_disagreement"] = solved.get("rotation_code_disagreement")
+    consistency: Any = attributes.get("calibration_consistency")
+    metrics |= consistency_metrics(consistency)
+    changed = consistency_findings(consistency, params)
     found = result_findings(
         metrics, told=list(attributes.get("warnings") or []), role=role, params=params, capture_params=capture_params
     )
+    found = Findings(found.reasons + changed.reasons, found.warnings + changed.warnings)
     write_json(scan.result_review, {"metrics": metrics, **found._asdict()})
 
 

@@ -6,15 +6,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-from pydantic import ValidationError
 
-from rahas.errors import ExpeditionError
-from rahas.simulate.book import SimulationBook
 from rahas.simulate.capture import photo, stage
 from rahas.simulate.specs import CaptureSpec
 from rahas.stores.atomic import replacing
-from rahas.stores.plain_yaml import PlainYamlError, parse_plain_yaml
 from rahas.stores.video_writer import SUFFIXES, Encoding, write_frames
+from rahas.tasks.book import read_capture_spec
 
 
 def run(*, spec_path: Path, scan_id: str, captures: Path) -> None:
@@ -49,19 +46,3 @@ def encoding_of(capture: CaptureSpec) -> Encoding:
         crf=capture.encoding.crf,
         quantiser=capture.encoding.quantiser,
     )
-
-
-def read_capture_spec(spec_path: Path, scan_id: str) -> CaptureSpec:
-    """The specification of one capture of a simulation book."""
-    try:
-        value, _ = parse_plain_yaml(spec_path.read_bytes())
-        return SimulationBook.model_validate(value).capture(scan_id)
-    except FileNotFoundError:
-        raise ExpeditionError(f"{spec_path.name}: no such file, and {scan_id} is to be rendered from it") from None
-    except PlainYamlError as error:
-        raise ExpeditionError(f"{spec_path.name}{error}") from None
-    except ValidationError as error:
-        faults = [f"{'.'.join(map(str, e['loc']))}: read {e['input']!r:.80}, {e['msg']}" for e in error.errors()]
-        raise ExpeditionError(f"{spec_path.name}: " + "; ".join(faults)) from None
-    except ValueError as error:
-        raise ExpeditionError(f"{spec_path.name}: {error}") from None

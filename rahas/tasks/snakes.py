@@ -22,7 +22,7 @@ def run(scan: ScanFolder, *, params: SnakesParams) -> None:
     course = snakes.snake_timeline(timeline["intervals"], timeline["slide_angle_deg"], timeline["rotation_sense"])
     tracking = snakes.track(frames, course, params, field_order=str(store.attrs["field_order"]))
     shape = (frames.shape[0], tracking.snakes, frames.shape[2])
-    chunks = (snakes.BLOCK_FRAMES, *shape[1:])
+    chunks = (tracking.block_frames, *shape[1:])
     attributes = {"stripes_seen": tracking.stripes_seen, "pitch_px": tracking.pitch_px}
     with writing_store(scan.snakes, **attributes) as out:
         identity = out.create(

@@ -1,4 +1,4 @@
-"""The expedition at a glance: results/index.html, results/scans.csv and the closing lines of a run."""
+"""The expedition at a glance: results/index.html, results/scans.csv, the closing lines of a run; and its history."""
 
 from __future__ import annotations
 
@@ -6,40 +6,52 @@ from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Any
 
+from rahas.provenance.code import keep_definitions
+from rahas.provenance.companions import Clock, write_companion
 from rahas.provenance.fingerprints import package_code
-from rahas.provenance.records import MADE, Recipe, Record, library_versions
+from rahas.provenance.history import keep_run
+from rahas.provenance.records import MADE, Record
 from rahas.report.closing import closing_lines
 from rahas.report.gallery import THUMBNAIL
 from rahas.report.pages import Card, render_index
 from rahas.report.table import scans_csv
-from rahas.stores.atomic import read_json, write_text
-from rahas.stores.digests import digest_of_bytes, digest_of_json
+from rahas.stores.atomic import read_json, sweep_dead, write_text
+from rahas.stores.captures import CAPTURES, SIMULATED
+from rahas.stores.digests import digest_of_bytes
 from rahas.stores.field_log import Entry
 from rahas.stores.layout import ScanFolder
+from rahas.tasks.plan import SUMMARY_ENTRY
+from rahas.tasks.recipes import summary_recipe
 
+# Below results/, written by more than one job: what killed ones left there is swept by the last job of a run.
+_SHARED = ("expedition/provenance", "expedition/provenance/code", "history")
 _COLUMNS = ("scan_id", "site", "subject", "date", "time", "decision", "role", "redundant_of")
 
 
 def run(results: Path, entries: Sequence[Entry], *, unfinished: Collection[str] = ()) -> str:
-    """Write the index and the table of all rows of the log; return the lines that close a run.
+    """Write the index and the table of all rows of the log, keep the run; return the lines that close it.
 
     ``unfinished`` are the rows whose jobs have not all ended: their former verdicts do not count.
     """
-    cards = [_card(ScanFolder(results, e.scan_id), e, finished=e.scan_id not in unfinished) for e in entries]
+    for folder in (results, *(results / name for name in _SHARED), results.parent / CAPTURES / SIMULATED):
+        sweep_dead(folder)
+    clock = Clock()
+    cards = cards_of(results, entries, unfinished=unfinished)
     made = {"index.html": render_index(cards), "scans.csv": scans_csv(cards)}
     for name, text in made.items():
         write_text(results / name, text)
-    recipe = Recipe(
-        stage="summary",
-        inputs={card.row["scan_id"]: digest_of_json([card.qa, card.thumbnail, card.link]) for card in cards},
-        columns={card.row["scan_id"]: dict(card.row) for card in cards},
-        params={},
-        code=package_code().fingerprint("rahas.tasks.summary:run"),
-        libraries=library_versions("jinja2"),
-    )
     digests = {name: digest_of_bytes(text.encode()) for name, text in made.items()}
-    Record(recipe, MADE, digests).write(results / "expedition" / "provenance" / "summary.json")
+    record, path = Record(summary_recipe(cards), MADE, digests), results / "expedition" / "provenance" / "summary.json"
+    record.write(path)
+    write_companion(path, record, clock)
+    keep_definitions(results, package_code(), SUMMARY_ENTRY)
+    keep_run(results, [entry.scan_id for entry in entries], unfinished=unfinished)
     return closing_lines(cards)
+
+
+def cards_of(results: Path, entries: Sequence[Entry], *, unfinished: Collection[str] = ()) -> list[Card]:
+    """What the index shows of each row."""
+    return [_card(ScanFolder(results, e.scan_id), e, finished=e.scan_id not in unfinished) for e in entries]
 
 
 def _card(scan: ScanFolder, entry: Entry, *, finished: bool) -> Card:

@@ -71,4 +71,6 @@ CASES: tuple[Case, ...] = (
     _case("sphere", "sphere", asks="sphere"),
     _case("1920 × 1080, 30 stripes", rig={"width_px": 1920, "height_px": 1080, "stripes": 30}),
     _case("640 × 480, 12 stripes", rig={"width_px": 640, "height_px": 480, "stripes": 12}),
+    _case("portrait, 480 × 720", rig={"width_px": 480, "height_px": 720}),
+    _case("projector distortion 1 %", rig={"projector_radial_k1": 0.053}),
 )  # fmt: skip

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
+from rahas.stores.capture_size import CaptureSize
+from rahas.tasks.resources import NEEDS, NODE_MB, memory_mb
 from tests.bench.measure import Job, Measurement
 
 LARGEST_JOB_MB = 500.0
@@ -21,6 +23,12 @@ def missed(found: Sequence[Measurement]) -> list[str]:
             f"{one.film.title}: job {job.name} took {job.peak_mb:.0f} MB of {LARGEST_JOB_MB:.0f}"
             for job in one.jobs
             if job.peak_mb > LARGEST_JOB_MB
+        ]
+        size = CaptureSize(round(30 * one.playing_s), 720 * 480)
+        out += [
+            f"{one.film.title}: job {job.name} took {job.peak_mb:.0f} MB, on a cluster it asks for {asked}"
+            for job in one.jobs
+            if job.name in NEEDS and job.peak_mb > (asked := memory_mb(job.name, size) - NODE_MB)
         ]
     return out
 

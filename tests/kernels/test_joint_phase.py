@@ -50,7 +50,9 @@ def solve(fringes: Fringes, *, start_error: float = 0.15, steady: bool = False, 
         used = field.moved_back(slopes.carrier)
     else:
         field = used = solve_joint_steps(*arguments)
-    maps = solve_phase_field(lambda: iter(blocks), rough.astype(np.float32), used, top_level=top_level)
+    maps = solve_phase_field(
+        lambda rows: (b[:, rows] for b in blocks), rough.astype(np.float32), used, top_level=top_level
+    )
     return Solved(field, maps, wrap(maps.wrapped_phase - fringes.phase), wrap(plain.wrapped_phase - fringes.phase))
 
 
@@ -168,9 +170,9 @@ def test_result_does_not_depend_on_blocks() -> None:
         fringes.frames.reshape(len(steps), -1), fringes.phase.reshape(-1), steps, np.arange(len(steps)) < 6
     )
     rough = fringes.phase.astype(np.float32)
-    whole = solve_phase_field(lambda: iter([fringes.frames]), rough, field)
+    whole = solve_phase_field(lambda rows: iter([fringes.frames[:, rows]]), rough, field)
     parts = [fringes.frames[i : i + 7] for i in range(0, len(steps), 7)]
-    split = solve_phase_field(lambda: iter(parts), rough, field)
+    split = solve_phase_field(lambda rows: (p[:, rows] for p in parts), rough, field)
     for one, other in zip(whole, split, strict=True):
         np.testing.assert_allclose(one, other, rtol=2e-4, atol=2e-4)
 
@@ -205,7 +207,7 @@ def test_unknown_steps_of_real_frames(period: int, limit_mrad: float) -> None:
     given = field._replace(coefficients=np.column_stack([nominal, 0 * nominal, 0 * nominal]))
     errors = []
     for known in (field, given):
-        maps = solve_phase_field(lambda: iter([frames]), rough.astype(np.float32), known)
+        maps = solve_phase_field(lambda rows: iter([frames[:, rows]]), rough.astype(np.float32), known)
         error = wrap(maps.wrapped_phase - truth)[lit & (maps.modulation > 0)]
         errors.append(float(np.std(wrap(error - np.median(error)))))
     assert 0.8 * errors[1] < errors[0] < (1.2 if period == 42 else 1.1) * errors[1]  # steps of 42 are less sure

@@ -38,13 +38,13 @@ def test_distortion_and_depth(radial: float) -> None:
         significance=4.0,
     )
     if radial == 0.0:
-        assert fit.camera.radial == 0.0
+        assert fit.camera.camera.radial == 0.0
     else:
-        assert abs(fit.camera.radial / radial - 1) < 0.2
-        assert 0.0 < np.sqrt(fit.covariance[11, 11]) < 0.25 * abs(radial)
+        assert abs(fit.camera.camera.radial / radial - 1) < 0.2
+        assert 0.0 < np.sqrt(fit.camera.covariance[11, 11]) < 0.25 * abs(radial)
     scan = see_relief(camera, projector)
     errors = []
-    for model in (plain.camera, fit.camera):
+    for model in (plain.camera, fit.camera.camera):
         matrix = fit_projector(points_on_roof(model, roof, pixels)[0], phase, gate=1e3).matrix
         origin, direction = rays_of_camera(model, pixel_grid(HEIGHT, WIDTH))
         depth = triangulate(origin, direction, scan.unwrapped_phase, matrix).points[..., 2]

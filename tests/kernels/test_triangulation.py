@@ -56,7 +56,7 @@ def test_calibration_uncertainty_is_what_repeated_calibrations_scatter() -> None
         points, _ = points_on_roof(fit.camera, roof, pixels)
         found = fit_projector(points, truth + rng.normal(0, 0.03, truth.shape), start=projector, gate=8.0)
         covariance = rig_covariance(fit, roof, pixels, found.matrix, found.covariance, reach_mm=target)
-        values = np.concatenate([fit.camera.matrix.ravel()[:11], [fit.camera.radial], found.matrix.ravel()[:7]])
+        values = np.concatenate([fit.camera.matrix.ravel()[:11], [fit.camera.radial], found.matrix.ravel()[:7], [0.0]])
         origin, direction = rays_of_camera(fit.camera, grid)
         depths.append(triangulate(origin, direction, phase, found.matrix).points[..., 2])
         predicted.append(depth_std_from_calibration(values, covariance, camera.centre, grid, phase))

@@ -109,11 +109,11 @@ def write_phase(scan: ScanFolder, *, shape: tuple[int, int] = (96, 128)) -> None
             store.put(name, ("y", "x"), values.astype(np.float32), **_units(name))
 
 
-def write_cloud(scan: ScanFolder, *, shape: tuple[int, int] = (96, 128)) -> None:
+def write_cloud(scan: ScanFolder, *, shape: tuple[int, int] = (96, 128), lift_mm: float = 0.0) -> None:
     """cloud.zarr and a file in cloud.ply's place: a dome, unmeasured in a corner."""
     y, x = np.indices(shape, dtype=np.float32)
     centre_y, centre_x = shape[0] / 2, shape[1] / 2
-    z = 20 * np.exp(-((x - centre_x) ** 2 + (y - centre_y) ** 2) / (2 * 25.0**2))
+    z = lift_mm + 20 * np.exp(-((x - centre_x) ** 2 + (y - centre_y) ** 2) / (2 * 25.0**2))
     xyz = np.stack([x - centre_x, centre_y - y, z], axis=2).astype(np.float32)
     xyz[:20, :30] = np.nan
     rgb = np.repeat(np.uint8(np.clip(100 + 4 * z, 0, 255))[..., None], 3, axis=2)
@@ -134,7 +134,10 @@ def calibration() -> dict[str, Any]:
     camera = {"matrix": [[1.0, 0, 0, 64], [0, -1.0, 0, 48], [0, 0, 0, 1]], "width_px": 128, "height_px": 96,
               "radial": 0.0, "centre_px": [63.5, 47.5]}  # fmt: skip
     return {
-        "camera": camera, "projector": {"matrix": [[0, 0.1, 0, 5], [0, 0, 0, 1]]}, "texture_camera": None,
+        "camera": camera,
+        "projector": {"matrix": [[0, 0.1, 0, 5], [0, 0, 0, 1]], "radial": 0.0, "centre_mm": [0, 9, 90]},
+        "first_stop": {"matrix": [[0.1, 0, 0, 5], [0, 0, 0, 1]]}, "standard_deviations": {"camera_m1": 0.01},
+        "texture_camera": None,
         "residuals": {"camera_rms_px": 0.12, "camera_max_px": 0.3}, "marks": marks, "covariance": None,
     }  # fmt: skip
 

@@ -66,9 +66,10 @@ def test_each_field_of_an_interlaced_frame_has_its_own_time():
     assert np.abs(truth["field_phase_step"][1, scan] - truth["field_phase_step"][0, scan]).max() > 0.05
 
 
+@pytest.mark.parametrize("lens", [{}, {"projector_radial_k1": 0.3, "slide_shift_rad": 0.7}])
 @pytest.mark.parametrize("crank", ["tilt", "translation"])
-def test_exposure_integrates_the_moving_pattern(crank):
-    rig = RigSpec(crank=crank, stripes=20, centre_u=0.03, contrast=1.0, second_harmonic=0.1, second_stop_deg=91.0)
+def test_exposure_integrates_the_moving_pattern(crank, lens):
+    rig = RigSpec(crank=crank, stripes=20, centre_u=0.03, contrast=1, second_harmonic=0.1, second_stop_deg=91, **lens)
     v, u = (m.astype(np.float32) for m in np.mgrid[-0.6:0.6:40j, -0.6:0.6:60j])
     light = np.ones_like(u)
     start, end = (0.5, 0.01), (0.5175, 0.015)  # 1° an exposure and the crank as well: more than any hand

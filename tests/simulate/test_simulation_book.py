@@ -17,6 +17,7 @@ from rahas.simulate.roof import DIAMETER_MM, target_marks
 from rahas.simulate.surface import ALBEDO_SPACING_MM
 from rahas.stores.video_writer import SUFFIXES
 from rahas.tasks import simulate
+from rahas.tasks.book import check_book
 
 ROOT = Path(__file__).parents[2]
 BOOK_PATH = ROOT / "config" / "simulation.yaml"
@@ -137,3 +138,14 @@ def test_a_wrong_book_is_refused_with_the_place(tmp_path, old, new, told):
 def test_a_missing_book_is_told(tmp_path):
     with pytest.raises(ExpeditionError, match="no such file"):
         simulate.run(spec_path=tmp_path / "simulation.yaml", scan_id="one", captures=tmp_path)
+
+
+def test_all_rows_that_the_book_lacks_are_told_at_once(tmp_path):
+    (tmp_path / "simulation.yaml").write_text(SMALL_BOOK, encoding="utf-8")
+    check_book(tmp_path / "simulation.yaml", ["one"])
+    check_book(tmp_path / "no such book.yaml", [])
+    with pytest.raises(ExpeditionError) as refusal:
+        check_book(tmp_path / "simulation.yaml", ["one", "two", "three"])
+    assert [line.partition("read no ")[2][:7] for line in str(refusal.value).splitlines()] == ["'two', ", "'three'"]
+    with pytest.raises(ExpeditionError, match="no such file, expected it because one is to be rendered"):
+        check_book(tmp_path / "no such book.yaml", ["one"])

@@ -77,7 +77,7 @@ def test_json_is_finite_and_reads_back(scene: Scene, photo: np.ndarray) -> None:
     rig = rig_from_json(json.loads(json.dumps(result.as_json(), allow_nan=False)))
     np.testing.assert_array_equal(rig.projector, result.rig.projector)
     np.testing.assert_array_equal(rig.camera.camera.matrix, result.rig.camera.camera.matrix)
-    assert rig.covariance.shape == (19, 19)
+    assert rig.covariance.shape == (20, 20)
     assert np.linalg.eigvalsh(rig.covariance / np.outer(*[np.sqrt(np.diag(rig.covariance)) + 1e-30] * 2)).min() > -1e-6
 
 

@@ -14,7 +14,7 @@ from tests.roof_scene import HEIGHT, WIDTH, camera_at, projector_above, see_reli
 
 CAMERA, PROJECTOR = camera_at(), projector_above()
 PHOTO_CAMERA = camera_at(width=540, height=360, yaw_deg=1.0, focal=1.1)
-RIG = Rig(ImagingCamera(CAMERA, WIDTH, HEIGHT), PROJECTOR, ImagingCamera(PHOTO_CAMERA, 540, 360), np.zeros((19, 19)))
+RIG = Rig(ImagingCamera(CAMERA, WIDTH, HEIGHT), PROJECTOR, ImagingCamera(PHOTO_CAMERA, 540, 360), np.zeros((20, 20)))
 SCENE = see_relief(CAMERA, PROJECTOR)
 
 

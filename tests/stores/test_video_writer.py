@@ -54,6 +54,12 @@ def test_fields_are_flagged_as_such(tmp_path, codec, fields, order):
     assert np.abs(frames.astype(float) - film()).mean() < 2.5
 
 
+def test_lossless_fields_come_back_whole(tmp_path):
+    path = tmp_path / "film.mkv"
+    write_frames(path, film(), Encoding("ffv1", fields="top_first"))
+    np.testing.assert_array_equal(read_back(path)[0], film())
+
+
 @pytest.mark.parametrize("codec", ["ffv1", "h264", "mpeg2", "mjpeg"])
 def test_equal_frames_give_equal_bytes(tmp_path, codec):
     paths = [tmp_path / name / f"film{SUFFIXES[codec]}" for name in ("a", "b")]

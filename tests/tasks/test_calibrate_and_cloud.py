@@ -12,18 +12,27 @@ import pytest
 import xarray
 
 from rahas.errors import CaptureProblem
+from rahas.kernels.projector import phase_of_projector
 from rahas.params import CalibrationParams, CloudParams
 from rahas.stores.arrays import open_store, writing_store
-from rahas.stores.atomic import read_json
+from rahas.stores.atomic import read_json, write_json
 from rahas.stores.layout import ScanFolder
 from rahas.tasks import calibrate, cloud
-from tests.roof_scene import camera_at, projector_above, roof_target, see_relief, see_roof
+from tests.roof_scene import camera_at, first_stop_above, projector_above, roof_target, see_relief, see_roof
 
 CAMERA, PROJECTOR = camera_at(), projector_above()
 
 
-def write_phase(scan: ScanFolder, phase: np.ndarray, background: np.ndarray, std: float) -> None:
+def write_phase(
+    scan: ScanFolder, phase: np.ndarray, background: np.ndarray, std: float, first: np.ndarray | None = None
+) -> None:
+    """What the tasks read; ``first`` is the phase at the first stop, without which the first hold shows no stripes."""
     seen = np.isfinite(phase)
+    hold = background + (0.0 if first is None else 30.0 * np.cos(first))
+    with writing_store(scan.frames) as store:
+        store.put("frames", ("frame", "y", "x"), np.repeat(hold[None].clip(0, 255).astype(np.uint8), 12, axis=0))
+    intervals = [{"stage": "hold", "first": 0, "last": 9}, {"stage": "rotation", "first": 10, "last": 11}]
+    write_json(scan.timeline, {"intervals": intervals, "slide_angle_deg": [0.0] * 12, "rotation_sense": 1})
     with writing_store(scan.phase) as store:
         store.put("unwrapped_phase", ("y", "x"), phase.astype(np.float32))
         store.put("phase_std", ("y", "x"), np.where(seen, std, np.nan).astype(np.float32))
@@ -41,7 +50,8 @@ def test_from_phase_to_files(tmp_path: Path) -> None:
     rng = np.random.default_rng(1)
     target = ScanFolder(tmp_path / "results", "cal")
     roof = see_roof(CAMERA, PROJECTOR)
-    write_phase(target, roof.unwrapped_phase + rng.normal(0, 0.01, roof.image.shape), roof.image, 0.01)
+    first = phase_of_projector(first_stop_above(), roof.points)
+    write_phase(target, roof.unwrapped_phase + rng.normal(0, 0.01, roof.image.shape), roof.image + 20.0, 0.01, first)
     table = write_target(tmp_path / "target.csv")
     photo = tmp_path / "cal_texture.png"
     cv2.imwrite(str(photo), np.repeat(roof.image.astype(np.uint8)[..., None], 3, axis=2))
@@ -52,10 +62,14 @@ def test_from_phase_to_files(tmp_path: Path) -> None:
     assert calibration["scan_id"] == "cal"
     assert calibration["residuals"]["camera_rms_px"] < 0.1
     assert calibration["texture_camera"]["width_px"] == 360
+    assert set(calibration["covariance"]["parameters"]) < set(calibration["standard_deviations"])
+    assert calibration["first_stop"] is not None
 
     scan = ScanFolder(tmp_path / "results", "scan")
     relief = see_relief(CAMERA, PROJECTOR)
-    write_phase(scan, relief.unwrapped_phase + rng.normal(0, 0.01, relief.image.shape), relief.image, 0.01)
+    first = phase_of_projector(first_stop_above(), relief.points)
+    noisy = relief.unwrapped_phase + rng.normal(0, 0.01, relief.image.shape)
+    write_phase(scan, noisy, relief.image, 0.01, first + 0.1)
     cloud.run(scan, calibration=target, texture=photo, params=CloudParams())
     with xarray.open_zarr(scan.cloud) as store:
         assert store["xyz"].dims == ("y", "x", "axis")
@@ -63,6 +77,10 @@ def test_from_phase_to_files(tmp_path: Path) -> None:
         error = store["xyz"].values - relief.points
         assert store.attrs["calibration"] == "cal"
         assert len(store.attrs["ripple_before_rad"]) == 4
+        assert store.attrs["calibration_consistency"]["offset_rad"] == pytest.approx(
+            0.13, abs=0.02
+        )  # 0.1/(1 − 0.25): this camera stands askew
+        assert store.attrs["calibration_consistency"]["gradient_rad"] < 0.02
     assert np.nanmedian(np.abs(error[..., 2])) < 0.15
     points = int(np.isfinite(error[..., 2]).sum())
     assert f"element vertex {points}\n".encode() in scan.cloud_ply.read_bytes()[:400]

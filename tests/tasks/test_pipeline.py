@@ -86,7 +86,7 @@ def test_every_argument_is_declared(stage: Stage) -> None:
 @every_stage
 def test_parameters_are_in_the_recipe(stage: Stage) -> None:
     config = Config()
-    work: Any = SimpleNamespace(expedition=SimpleNamespace(config=config))
+    work: Any = SimpleNamespace(expedition=SimpleNamespace(sections=config.model_dump(mode="json")))
     params = stage.params(work)
     assert stage.section is not None
     assert set(getattr(config, stage.section).model_dump()) <= set(params)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -126,3 +128,17 @@ def test_the_same_results_give_the_same_bytes(results: Path) -> None:
     before = [(results / name).read_bytes() for name in ("index.html", "scans.csv")]
     summary.run(results, ENTRIES)
     assert [(results / name).read_bytes() for name in ("index.html", "scans.csv")] == before
+
+
+def test_what_killed_jobs_left_is_swept(results: Path) -> None:
+    """Below results/ and among the rendered captures; not what is only named alike."""
+    machine = re.sub(r"[^A-Za-z0-9.]", "_", os.uname().nodename)
+    folders = (results, results / "expedition" / "provenance", results.parent / "captures" / "simulated")
+    left = [folder / f".making-{machine}-{2**22 + 1}-abc" for folder in folders]
+    for path in left:
+        path.mkdir(parents=True)
+        (path / "half").write_text("")
+    (results.parent / "captures" / "simulated" / "rock.mkv").write_text("kept")
+    summary.run(results, ENTRIES)
+    assert not [path for path in left if path.exists()]
+    assert (results.parent / "captures" / "simulated" / "rock.mkv").exists()

@@ -9,7 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tests.workflow.expedition import NOTHING, Expedition, Run, assert_whole
+from tests.workflow.expedition import NOTHING, Expedition, Run, assert_whole, copy_code
+from tests.workflow.reruns import assert_runs
 
 EVERY = ["frames.zarr", "timeline.json", "qa.json", "report.html"]
 OF_ACCEPTED = [*EVERY, "snakes.zarr", "phase.zarr", "cloud.zarr", "cloud.ply"]
@@ -56,17 +57,13 @@ def test_nothing_is_written_beside_results(first_run: tuple[Expedition, Run], re
 
 def test_second_run_runs_nothing(finished: Expedition) -> None:
     before = finished.digests()
-    run = finished.run()
-    assert run.status == 0
-    assert NOTHING in run.output
-    assert (run.made, run.started, run.pages) == ([], set(), [])
+    assert_runs("nothing", finished.run())
     assert finished.digests() == before
 
 
 def test_lost_metadata_computes_nothing(finished: Expedition) -> None:
     shutil.rmtree(finished.root / ".snakemake")
-    run = finished.run()
-    assert (run.status, run.made, run.started) == (0, [], set()), run.output
+    assert_runs("lost .snakemake", finished.run())
 
 
 def test_touched_files_compute_nothing(finished: Expedition) -> None:
@@ -75,19 +72,19 @@ def test_touched_files_compute_nothing(finished: Expedition) -> None:
     for n, path in enumerate(sorted(finished.root.rglob("*"))):
         if ".snakemake" not in path.parts:
             os.utime(path, (now + n % 7, now + n % 7))
-    run = finished.run()
-    assert (run.status, run.made, run.pages) == (0, [], []), run.output
+    assert_runs("touched", finished.run())
     assert {n: d for n, d in finished.digests().items() if ".zarr" in n or n.endswith(("ply", "html"))} == {
         n: d for n, d in before.items() if ".zarr" in n or n.endswith(("ply", "html"))
     }
     assert NOTHING in finished.run().output
 
 
-@pytest.mark.faults
-def test_copy_without_times_computes_nothing(finished: Expedition, tmp_path: Path) -> None:
-    shutil.copytree(finished.root, tmp_path / "elsewhere", copy_function=shutil.copyfile)
-    run = Expedition(tmp_path / "elsewhere", finished.code).run()
-    assert (run.status, run.made, run.pages) == (0, [], []), run.output
+def test_fresh_clone_computes_nothing(finished: Expedition, tmp_path: Path) -> None:
+    """Captures, results and code copied to another place, without times and without Snakemake's own folder."""
+    no_snakemake = shutil.ignore_patterns(".snakemake")
+    shutil.copytree(finished.root, tmp_path / "elsewhere", copy_function=shutil.copyfile, ignore=no_snakemake)
+    clone = Expedition(tmp_path / "elsewhere", copy_code(tmp_path / "code", finished.code))
+    assert_runs("copied", clone.run())
 
 
 def test_deleted_artifacts_are_made_again(finished: Expedition) -> None:
@@ -96,10 +93,7 @@ def test_deleted_artifacts_are_made_again(finished: Expedition) -> None:
     shutil.rmtree(finished.scan("rock") / "phase.zarr")
     (finished.root / "results" / "index.html").unlink()
     shutil.rmtree(finished.scan("far") / "figures")
-    run = finished.run()
-    assert run.status == 0, run.output
-    assert run.made == [("rock", "cloud"), ("rock", "phase")]
-    assert run.pages == ["far"]
+    assert_runs("deleted artifacts", finished.run())
     after = finished.digests()
     assert {n for n in before if before[n] != after.get(n) and "/provenance/" not in n} == set()
     assert NOTHING in finished.run().output

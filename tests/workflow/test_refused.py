@@ -129,3 +129,22 @@ def test_unknown_options(expedition: Expedition) -> None:
     run = refused(expedition, "--config", "include_rejcted=far")
     assert_told(run, "--config", "'include_rejcted'", "include_rejected, skip_bad_rows")
     assert_told(refused(expedition, "--config", "include_rejected=rok"), "include_rejected", "'rok'")
+
+
+BOOK = """\
+setups: {bench: {}}
+captures:
+  new: {setup: bench, scene: {kind: circle}, camera: {frame_rat: 30}}
+"""
+
+
+def test_wrong_simulation_book(finished: Expedition) -> None:
+    """Refused before the run, with the place; but only where a capture has to be rendered from it."""
+    (finished.root / "config" / "simulation.yaml").write_text(BOOK)
+    finished.log([*ROWS, row("new", capture="simulated/new.mkv")])
+    told = ("config/simulation.yaml, line 3, key captures.new.camera.frame_rat", "read 30")
+    assert_told(refused(finished), *told)
+    finished.log([*ROWS, row("new", capture="simulated/new.mkv", decision="reject")])
+    run = finished.run()
+    assert run.status == 0, run.output
+    assert finished.verdict("new") == "not_processed: operator"

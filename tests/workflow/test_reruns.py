@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import shutil
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 import xarray
 
 from tests.workflow.expedition import NOTHING, ROWS, Expedition, Run, assert_whole, copy_code, edit, row
+from tests.workflow.reruns import assert_runs
 
 ARTIFACTS = ("phase.zarr", "cloud.zarr", "cloud.ply")
 
@@ -41,7 +43,8 @@ def test_parameter_of_one_stage(finished: Expedition) -> None:
     before = finished.digests()
     finished.configure("cloud:\n  normal_radius_px: 3\n")
     run = run_well(finished)
-    assert run.made == [("rock", "cloud"), ("rock", "review_result")]
+    assert_runs("parameter", run)
+    assert run.announced == ["parameter normal_radius_px: 2 → 3: cloud of 1 scan no longer current"]
     finished.configure("")
     assert run_well(finished).made == [("rock", "cloud"), ("rock", "review_result")]
     assert_same_artifacts(before, finished.digests())
@@ -61,22 +64,21 @@ def test_swapped_values_are_seen(finished: Expedition) -> None:
 def test_parameter_after_lost_metadata(finished: Expedition) -> None:
     shutil.rmtree(finished.root / ".snakemake")
     finished.configure("cloud:\n  normal_radius_px: 3\n")
-    assert run_well(finished).made == [("rock", "cloud"), ("rock", "review_result")]
+    assert_runs("parameter, lost .snakemake", run_well(finished))
 
 
 @pytest.mark.faults
 def test_limit_without_effect(finished: Expedition) -> None:
     """The gate looks again, says the same, and nothing after it is computed."""
     finished.configure("capture_review:\n  max_jitter_px: 0.9\n")
-    run = run_well(finished)
-    assert run.made == [*((s, "review_capture") for s in ("cal", "far", "rock")), ("rock", "review_result")]
+    assert_runs("limit without effect", run_well(finished))
 
 
 def test_limit_that_rejects(finished: Expedition) -> None:
     """The first gate takes everything away; asked for all the same, it is made and marked; then back."""
     before = finished.digests()
     finished.configure(limit_between_rock_and_calibration(finished))
-    assert run_well(finished).made == [(s, "review_capture") for s in ("cal", "far", "rock")]
+    assert_runs("limit that rejects", run_well(finished))
     assert finished.verdict("rock") == "rejected: contrast"
     assert finished.verdict("cal") == "accepted"
     for name in (*ARTIFACTS, "snakes.zarr"):
@@ -92,7 +94,7 @@ def test_limit_that_rejects(finished: Expedition) -> None:
     assert finished.verdict("rock") == "rejected: contrast"
     assert not [name for name in (*ARTIFACTS, "snakes.zarr") if (finished.scan("rock") / name).exists()]
     finished.configure("")
-    run_well(finished)
+    assert_runs("limit that lets through", run_well(finished))
     assert finished.verdict("rock") == "accepted"
     assert_same_artifacts(before, finished.digests())
 
@@ -119,8 +121,7 @@ def test_late_limit_that_rejects(finished: Expedition) -> None:
 
 def test_note_edited(finished: Expedition) -> None:
     finished.log(rows_with("rock", notes="<script>alert('wet')</script>"))
-    run = run_well(finished)
-    assert (run.made, run.pages) == ([], ["rock"])
+    assert_runs("note", run_well(finished))
     page = (finished.scan("rock") / "report.html").read_text(encoding="utf-8")
     assert "wet" in page
     assert "<script>alert" not in page
@@ -130,8 +131,7 @@ def test_note_edited(finished: Expedition) -> None:
 def test_decision_reject(finished: Expedition) -> None:
     before = finished.digests()
     finished.log(rows_with("rock", decision="reject"))
-    run = run_well(finished)
-    assert run.made == []
+    assert_runs("rejected by the operator", run_well(finished))
     assert finished.verdict("rock") == "not_processed: operator"
     kept = {path.name for path in finished.scan("rock").iterdir()} - {"review"}
     assert kept == {"qa.json", "report.html", "figures", "provenance"}
@@ -155,11 +155,10 @@ def test_calibration_rejected_by_the_operator(finished: Expedition) -> None:
 def test_new_row_and_removed_row(finished: Expedition) -> None:
     before = finished.digests()
     finished.log([*ROWS, row("far2", capture="far.mkv")])
-    run = run_well(finished)
-    assert {s for s, _ in run.made} == {"far2"}
+    assert_runs("new row", run_well(finished))
     assert list(finished.table()) == ["cal", "rock", "far", "far2"]
     finished.log(ROWS)
-    assert run_well(finished).made == []
+    assert_runs("removed row", run_well(finished))
     assert list(finished.table()) == ["cal", "rock", "far"]
     assert finished.digests()["index.html"] == before["index.html"]
 
@@ -182,24 +181,38 @@ def test_kernel_edited(own_code: Expedition) -> None:
     at = text.index("\n    return ")
     source.write_text(text[:at] + "\n    _looked_at = True" + text[at:], encoding="utf-8")
     run = run_well(own_code)
-    assert ("rock", "cloud") in run.made
-    assert {stage for _, stage in run.made} <= {"cloud"}
+    assert_runs("kernel, same bytes", run)
+    [told] = run.announced
+    assert told.endswith("of rahas/kernels/banding.py was edited: cloud of 1 scan no longer current")
     assert_same_artifacts(before, own_code.digests())
     assert NOTHING in own_code.run().output
 
 
-def test_comment_edited(own_code: Expedition) -> None:
+def test_kernel_edited_with_other_numbers(own_code: Expedition) -> None:
+    """The stage that uses it is computed for every scan, then what reads its numbers; nothing else."""
+    edit(own_code.code / "rahas" / "kernels" / "jitter.py", "rms = float(", "rms = 1.001 * float(")
+    before = {scan_id: own_code.qa(scan_id)["metrics"]["jitter"] for scan_id in ("cal", "far", "rock")}
+    assert_runs("kernel, other numbers", run_well(own_code))
+    after = {scan_id: own_code.qa(scan_id)["metrics"]["jitter"] for scan_id in before}
+    assert after == pytest.approx({scan_id: 1.001 * jitter for scan_id, jitter in before.items()}, rel=1e-9)
+
+
+def test_comments_and_format_edited(own_code: Expedition) -> None:
+    """Every source file gets a comment; kernels and stages are laid out anew, with other docstrings."""
     for source in sorted((own_code.code / "rahas").rglob("*.py")):
-        source.write_text(source.read_text(encoding="utf-8") + "\n# a second thought\n", encoding="utf-8")
-    edit(own_code.code / "rahas" / "kernels" / "banding.py", '"""', '"""Said otherwise. ')
-    run = own_code.run()
-    assert run.status == 0
-    assert NOTHING in run.output
+        text = source.read_text(encoding="utf-8")
+        if source.parent.name in ("kernels", "stages"):
+            tree = ast.parse(text)
+            for node in ast.walk(tree):
+                if isinstance(node, ast.FunctionDef) and ast.get_docstring(node):
+                    node.body[0] = ast.Expr(ast.Constant("Said otherwise."))
+            text = ast.unparse(tree)
+        source.write_text(text + "\n# a second thought\n", encoding="utf-8")
+    assert_runs("comments", own_code.run())
 
 
 def test_template_edited(own_code: Expedition) -> None:
     for template in (own_code.code / "rahas" / "report" / "templates").iterdir():
         if template.name.endswith(".html.j2"):
             template.write_text(template.read_text(encoding="utf-8") + "\n<!-- -->\n", encoding="utf-8")
-    run = run_well(own_code)
-    assert (run.made, run.pages) == ([], ["cal", "far", "rock"])
+    assert_runs("template", run_well(own_code))

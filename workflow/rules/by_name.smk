@@ -21,6 +21,7 @@ rule file_by_name:
         update("results/{scan}/{artifact}"),
     wildcard_constraints:
         artifact=r"timeline\.json|calibration\.json|cloud\.ply|qa\.json|report\.html",
+    localrule: True
     message:
         "{wildcards.scan}: {wildcards.artifact}"
     shell:
@@ -34,6 +35,7 @@ rule store_by_name:
         update(directory("results/{scan}/{artifact}")),
     wildcard_constraints:
         artifact=r"frames\.zarr|snakes\.zarr|phase\.zarr|cloud\.zarr",
+    localrule: True
     message:
         "{wildcards.scan}: {wildcards.artifact}"
     shell:

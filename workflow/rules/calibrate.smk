@@ -4,9 +4,12 @@ rule calibrate:
         stamps_before("calibrate"),
     output:
         stamp="results/{scan}/provenance/calibrate.{key}.{number}",
+    group:
+        group_of
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=memory_of("calibrate"),
+        runtime=runtime_of("calibrate"),
     params:
         recipe=recipe_of("calibrate"),
     message:

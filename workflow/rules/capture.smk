@@ -4,9 +4,12 @@ rule capture:
         stamps_before("capture"),
     output:
         stamp="results/{scan}/provenance/capture.{key}.{number}",
+    group:
+        group_of
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=memory_of("capture"),
+        runtime=runtime_of("capture"),
     params:
         recipe=recipe_of("capture"),
     message:

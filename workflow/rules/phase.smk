@@ -4,9 +4,12 @@ rule phase:
         stamps_before("phase"),
     output:
         stamp="results/{scan}/provenance/phase.{key}.{number}",
+    group:
+        group_of
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=memory_of("phase"),
+        runtime=runtime_of("phase"),
     params:
         recipe=recipe_of("phase"),
     message:

@@ -4,9 +4,12 @@
 rule simulate:
     output:
         stamp="results/{scan}/provenance/render.{key}.{number}",
+    group:
+        group_of
     threads: 1
     resources:
-        mem_mb=1000,
+        mem_mb=memory_of("simulate"),
+        runtime=runtime_of("simulate"),
     message:
         "{wildcards.scan}: rendering the capture"
     shell:

@@ -4,9 +4,12 @@ rule surface:
         stamps_before("surface"),
     output:
         stamp="results/{scan}/provenance/surface.{key}.{number}",
+    group:
+        group_of
     threads: 1
     resources:
-        mem_mb=500,
+        mem_mb=memory_of("surface"),
+        runtime=runtime_of("surface"),
     params:
         recipe=recipe_of("surface"),
     message:
