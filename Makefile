@@ -26,7 +26,7 @@ bench: .venv/ready
 
 # About half an hour; writes docs/ACCURACY.md.
 accuracy: .venv/ready
-	OMP_NUM_THREADS=1 $(BIN)/python -m tests.accuracy --write
+	OMP_NUM_THREADS=1 $(BIN)/python -m tests.accuracy --write --cores $(CORES)
 
 # The Slurm executor beside the rest, for `snakemake --profile profiles/slurm` (docs/CLUSTER.md).
 cluster: .venv/cluster-ready

@@ -198,6 +198,9 @@ class ResultReviewParams(StageParams):
     max_order_disagreement: float = Field(
         0.02, gt=0, le=1, description="share on which snakes and rotation code differ that is worth a warning"
     )
+    max_compression_cost: float = Field(
+        1.25, ge=1, description="growth of the phase's standard deviation by compression that is worth a warning, times"
+    )
     depth_step_spacings: float = Field(
         8.0, gt=1, description="height between neighbours that parts two surfaces, in spacings of points"
     )

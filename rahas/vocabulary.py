@@ -119,6 +119,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("calibration_depth_error_mm", "depth error by it", "mm", "rms error of Z by the simplest change of slide, lens or rig that explains it"),
     Metric("first_stop_residual", "first hold's residual", "of the modulation", "image of the first hold beside the model of the projector at the first stop"),
     Metric("order_disagreement", "snakes against rotation code", "of the pixels", "share of the pixels to which both give an order, but not the same"),
+    Metric("compression_cost", "cost of the video's compression", "×", "growth of the phase's standard deviation by errors that last over several frames"),
     Metric("ripple_before_rad", "ripple before debanding", "rad", "largest rms amplitude of a phase-locked error order before debanding"),
     Metric("ripple_after_rad", "ripple after debanding", "rad", "the same after debanding"),
 )  # fmt: skip

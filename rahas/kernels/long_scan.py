@@ -10,8 +10,8 @@ import numpy as np
 
 from rahas.kernels.displacement import Slopes, frame_slopes
 from rahas.kernels.joint_steps import DEGREE, OUTLIER_SIGMAS, StepField, levelled
-from rahas.kernels.pixel_fit import PixelFit, fit_pixels
-from rahas.kernels.steady_steps import solve_steady_steps
+from rahas.kernels.pixel_fit import PixelFit, fit_pixels_of
+from rahas.kernels.step_choice import solve_chosen_steps
 from rahas.kernels.waveform import waveform_of
 from rahas.typing import AnyArray, BoolArray, FloatArray
 
@@ -22,16 +22,20 @@ ROUNDS = 5
 
 
 def solve_scan_steps(
-    levels: AnyArray, unwrapped: FloatArray, steps: FloatArray, held: BoolArray, slopes: Slopes
+    levels: AnyArray, unwrapped: FloatArray, across: FloatArray, steps: FloatArray, held: BoolArray, slopes: Slopes
 ) -> StepField:
-    """As :func:`rahas.kernels.steady_steps.solve_steady_steps`, with memory that grows only with the frames."""
+    """As :func:`rahas.kernels.step_choice.solve_chosen_steps`, with memory that grows only with the frames.
+
+    In the frames ``held`` (frame,) the step is zero by definition.
+    """
+    steps = np.where(held, 0.0, steps)
     if len(steps) <= MOST_FRAMES:
-        return solve_steady_steps(levels, unwrapped, steps, held, slopes)
+        return solve_chosen_steps(levels, unwrapped, across, steps, held, slopes)
     moving = np.flatnonzero(~held)
     thinned = moving[np.linspace(0, len(moving) - 1, MOST_FRAMES - HELD_FRAMES).astype(int)]
     together = np.union1d(np.flatnonzero(held)[-HELD_FRAMES:], thinned)
-    field = solve_steady_steps(levels[together], unwrapped, steps[together], held[together], slopes)
-    return _with_all_frames(field, together, np.asarray(levels), unwrapped, steps, held, slopes)
+    field = solve_chosen_steps(levels[together], unwrapped, across, steps[together], held[together], slopes)
+    return _with_all_frames(field, together, np.asarray(levels), unwrapped, across, steps, held, slopes)
 
 
 def _with_all_frames(
@@ -39,13 +43,14 @@ def _with_all_frames(
     together: AnyArray,
     levels: AnyArray,
     unwrapped: FloatArray,
+    across: FloatArray,
     steps: FloatArray,
     held: BoolArray,
     slopes: Slopes,
 ) -> StepField:
-    own = _pixels(field, levels[together], unwrapped, slopes)
+    own = _pixels(field, levels[together], unwrapped, across, slopes)
     kappa = field.waveform.at(own.background, own.modulation)
-    basis = field.basis(unwrapped).astype(np.float32)
+    basis = field.basis(unwrapped, across).astype(np.float32)
     number = np.arange(len(steps))
     terms = DEGREE + 1
     found = np.empty((len(steps), terms + 4))
@@ -66,15 +71,14 @@ def _with_all_frames(
     )
 
 
-def _pixels(field: StepField, levels: AnyArray, unwrapped: FloatArray, slopes: Slopes) -> PixelFit:
+def _pixels(field: StepField, levels: AnyArray, unwrapped: FloatArray, across: FloatArray, slopes: Slopes) -> PixelFit:
     """The pixels' own phase, background and modulation, from the frames solved together."""
-    delta = field.steps_at(unwrapped).astype(np.float32)
+    delta = field.steps_at(unwrapped, across).astype(np.float32)
     flat = levelled(np.asarray(levels, np.float32), field)
     if field.shift.any():
         for columns, shift in zip(frame_slopes(delta, slopes.images), field.shift.T, strict=True):
             flat = flat - columns * shift[:, None].astype(np.float32)
-    own = fit_pixels(flat, unwrapped, delta, np.zeros((len(field.waveform.constant), 1)), rounds=1)
-    return fit_pixels(flat, own.phase, delta, field.waveform.at(own.background, own.modulation), rounds=1)
+    return fit_pixels_of(field.waveform, flat, unwrapped, delta)
 
 
 def _each_alone(

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rahas.kernels.field_sums import add_linear, add_refined
-from rahas.kernels.joint_steps import StepField
+from rahas.kernels.joint_steps import StepField, across_image
 from rahas.kernels.lit_spans import lit_spans
 from rahas.kernels.normal_sums import PART, SUMS, solve_sums
 from rahas.kernels.phase_shifting import FringeMaps, wrap
@@ -26,6 +26,7 @@ REJECT_SIGMAS = 5.0
 REJECT_MODULATION = 0.2
 CROSSED = 2.5  # a pixel whose residual is so many times its neighbours' does not follow the model
 QUANTISATION = 0.3  # grey levels
+STRONG = 0.05  # a harmonic beyond which the cosine that begins is too far off for one Gauss–Newton step
 NOISE_BINS = 8
 LEAST_KNOWN = 100  # pixels
 KEPT_SAMPLES = 20_000_000  # pixels times frames of a band kept for those fitted apart
@@ -101,6 +102,8 @@ def solve_phase_field(
             fit = _second_pass(_keeping(read_blocks(rows), crossed, kept), per_frame, basis, top, start, field)
         else:
             fit = _second_pass(read_blocks(rows), per_frame, basis, top, start, field)
+        if np.abs(field.waveform.constant).max() > STRONG:
+            fit = _second_pass(read_blocks(rows), per_frame, basis, top, fit, field)
         size = max(1, KEPT_SAMPLES // len(field.gain))
         for part in (crossed[first : first + size] for first in range(0, len(crossed), size)):
             if not kept:
@@ -115,7 +118,8 @@ def solve_phase_field(
 
 
 def _basis(field: StepField, unwrapped: AnyArray) -> Float32Array:
-    return np.asarray(field.basis(unwrapped.reshape(-1)), np.float32)
+    basis = field.basis(unwrapped, across_image(unwrapped.shape[1]))
+    return np.asarray(basis.reshape(len(basis), -1), np.float32)
 
 
 def _put(maps: FringeMaps, rows: slice, fit: _Fit) -> None:

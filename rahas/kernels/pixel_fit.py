@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rahas.kernels.waveform import waveform_of
+from rahas.kernels.waveform import Waveform, waveform_of
 from rahas.typing import AnyArray, BoolArray, FloatArray
 
 
@@ -65,6 +65,17 @@ def fit_pixels(
     if weight is not None:
         residual = residual * weight
     return PixelFit(phase, background, modulation, residual, value, slope, factor)
+
+
+def fit_pixels_of(waveform: Waveform, levels: FloatArray, phase: FloatArray, delta: FloatArray) -> PixelFit:
+    """As :func:`fit_pixels`, with the waveform that belongs to each pixel's own background and modulation.
+
+    These two are biased until the waveform is right, and the waveform until they are: hence three fits.
+    """
+    own = fit_pixels(levels, phase, delta, waveform.constant[:, None], rounds=1)
+    for _ in range(2):
+        own = fit_pixels(levels, own.phase, delta, waveform.at(own.background, own.modulation), rounds=1)
+    return own
 
 
 def _three_unknowns(

@@ -63,7 +63,20 @@ def result_findings(
                 unit="rad",
             )
         )
-    return Findings(reasons, warnings + _labels(metrics, params))
+    return Findings(reasons, warnings + _compression(metrics, params) + _labels(metrics, params))
+
+
+def _compression(metrics: Metrics, params: ResultReviewParams) -> list[Finding]:
+    cost = metrics.get("compression_cost")
+    if cost is None or cost <= params.max_compression_cost:
+        return []
+    message = (
+        f"The film's compression carries errors on from frame to frame: the phase is {cost:.1f} times less certain "
+        "than the frames' noise says, and depth noisier than it could be. Film at the camera's highest bit rate."
+    )
+    return [
+        finding("compression", "compression_cost", message, value=cost, limit=params.max_compression_cost, unit="×")
+    ]
 
 
 def _labels(metrics: Metrics, params: ResultReviewParams) -> list[Finding]:

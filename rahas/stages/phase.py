@@ -62,6 +62,7 @@ class PhaseResult(NamedTuple):
     quality: Float32Array
     steps: FloatArray  # (frame,) of the frames used, radians, first field, at the field's centre
     labelled: Labelled
+    compression_cost: float | None  # factor in phase_std for errors that last over frames; None: not measured
 
 
 def solve(
@@ -114,6 +115,7 @@ def solve(
         order, confidence = orders_from_coarse(maps.wrapped_phase, coarse, measured)
         order = blank_near_snakes(order, identity, rows, params.thesis_blanked_rows)
         return _assembled(maps, Labelled(order, confidence), measured, steps)
+    cost: float | None = None
     code: orders.RotationFit | None = None
     if rotation is not None:
         code = orders.fit(frames, rotation, fields=fields, scanned=_scanned(maps, params))
@@ -125,12 +127,12 @@ def solve(
         samples = sampled(frames, first, steps, fields, start=maps, labelled=known, params=params, top_level=top_level)
         del maps, labelled  # as much memory as the maps that follow
         solved = joint_steps(samples, unwrapped, held=np.arange(len(steps)) < held)
-        maps = joint_maps(solved, unwrapped, top_level=top_level)
+        maps, cost = joint_maps(solved, unwrapped, top_level=top_level)
         steps = solved[0].steps.steps_at(np.array([np.median(_centre(unwrapped))]))[:, 0]
         del unwrapped, samples, solved
         labelled = _labelled(maps, coarse, code, params)
     del coarse, code
-    return _assembled(maps, labelled, _measured(maps, params), steps)
+    return _assembled(maps, labelled, _measured(maps, params), steps, cost)
 
 
 def _refuse_if_lost(known: BoolArray) -> None:
@@ -214,7 +216,9 @@ def _unwrapped(wrapped: Float32Array, order: AnyArray) -> Float32Array:
     return out
 
 
-def _assembled(maps: FringeMaps, labelled: Labelled, measured: BoolArray, steps: FloatArray) -> PhaseResult:
+def _assembled(
+    maps: FringeMaps, labelled: Labelled, measured: BoolArray, steps: FloatArray, cost: float | None = None
+) -> PhaseResult:
     """The result; it takes the maps' own memory."""
     expected = noise_of_light(maps.background, maps.modulation, maps.residual_std).at(maps.background)
     chi2 = np.square(np.divide(maps.residual_std, expected, out=maps.residual_std), out=maps.residual_std)
@@ -244,4 +248,5 @@ def _assembled(maps: FringeMaps, labelled: Labelled, measured: BoolArray, steps:
         quality=quality,
         steps=steps,
         labelled=labelled,
+        compression_cost=cost,
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from rahas.errors import CaptureProblem
 from rahas.kernels.displacement import Slopes, moved_back, slopes_at
-from rahas.kernels.joint_steps import StepField, levelled
+from rahas.kernels.joint_steps import StepField, across_image, levelled
 from rahas.kernels.long_scan import solve_scan_steps
 from rahas.kernels.noise_memory import phase_std_inflation
 from rahas.kernels.phase_field import solve_phase_field
@@ -27,6 +27,8 @@ from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameSta
 
 MARGIN = 4  # rows about a band that displaced frames are interpolated from
 MOST_SAMPLES = 450_000  # pixels times frames of the joint solve: long scans have fewer pixels, not more memory
+ENOUGH_SAMPLES = 130_000  # and a handful of frames has more pixels, to hold as much
+MOST_PIXELS = 16_000
 
 
 def linear_maps(
@@ -79,6 +81,11 @@ class Sample(NamedTuple):
     """(frame, pixel)"""
     slopes: Slopes
 
+    @property
+    def across(self) -> FloatArray:
+        """(pixel,), slide coordinate u."""
+        return across_image(self.field.shape[1])[self.at[1]]
+
 
 class SolvedField(NamedTuple):
     """The steps of one field, and what its maps are made from."""
@@ -103,12 +110,14 @@ def sampled(
     top_level: float,
 ) -> list[Sample]:
     """Well-lit pixels of each field among those ``labelled``; ``start`` are the linear maps."""
+    count = len(steps)
+    wanted = max(params.joint_pixels, min(ENOUGH_SAMPLES // count, MOST_PIXELS))
     steady = labelled & (start.phase_std < 4.0 * np.median(start.phase_std[labelled]))
     samples = []
     for field, own in _field_frames(frames, first, steps, fields):
         background, modulation, phase = (part[field.rows] for part in start[1:3] + start[:1])
         unclipped = background + modulation < top_level
-        at = evenly_spread(steady[field.rows] & unclipped, min(params.joint_pixels, MOST_SAMPLES // len(steps)))
+        at = evenly_spread(steady[field.rows] & unclipped, min(wanted, MOST_SAMPLES // count))
         samples.append(Sample(field, own, at, field.at(*at), slopes_at(background, modulation, phase, at)))
     return samples
 
@@ -122,25 +131,31 @@ def joint_steps(samples: list[Sample], unwrapped: Float32Array, *, held: BoolArr
     solved = []
     for own in samples:
         rough = unwrapped[own.field.rows][own.at].astype(float)
-        found = solve_scan_steps(own.levels, rough, own.steps, held, own.slopes)
+        found = solve_scan_steps(own.levels, rough, own.across, own.steps, held, own.slopes)
         steadied = Steadied(own.field, found.shift)
         levels = steadied.at(*own.at) if found.shift.any() else own.levels
         solved.append(SolvedField(found.moved_back(own.slopes.carrier), steadied, own.at, levels))
     return solved
 
 
-def joint_maps(solved: list[SolvedField], unwrapped: Float32Array, *, top_level: float) -> FringeMaps:
-    """Fringe maps at the steps solved; ``unwrapped`` as for :func:`joint_steps`."""
-    parts = []
+def joint_maps(solved: list[SolvedField], unwrapped: Float32Array, *, top_level: float) -> tuple[FringeMaps, float]:
+    """Fringe maps at the steps solved; ``unwrapped`` as for :func:`joint_steps`.
+
+    The second is by how much errors that last over several frames, as video compression makes them, enlarge the phase's
+    standard deviation.
+    """
+    parts, lasting = [], 1.0
     for own in solved:
         rows = own.frames.field.rows
         maps = solve_phase_field(
             own.frames.blocks, unwrapped[rows], own.steps, top_level=top_level, bands=own.frames.field.bands()
         )
         sample = FringeMaps(*(part[own.at] for part in maps))
-        maps.phase_std[:] *= _inflation(own.levels, unwrapped[rows][own.at], sample, own.steps)
+        inflation = _inflation(own, unwrapped[rows][own.at], sample)
+        maps.phase_std[:] *= np.float32(inflation)
+        lasting = max(lasting, inflation)
         parts.append((rows, maps))
-    return _woven(parts, unwrapped.shape)
+    return _woven(parts, unwrapped.shape), lasting
 
 
 def _field_frames(
@@ -177,15 +192,16 @@ def _linear_field(field_frames: FieldFrames, steps: FloatArray, params: PhasePar
     return maps
 
 
-def _inflation(levels: AnyArray, unwrapped: Float32Array, sample: FringeMaps, field: StepField) -> np.float32:
-    """What compression's lasting errors make of the phase's standard deviation, from some pixels (frame, pixel)."""
+def _inflation(own: SolvedField, unwrapped: Float32Array, sample: FringeMaps) -> float:
+    """What compression's lasting errors make of the phase's standard deviation, from the pixels that took part."""
+    across = across_image(own.frames.field.shape[1])[own.at[1]]
     fit = fit_pixels(
-        levelled(levels.astype(np.float32), field),
+        levelled(own.levels.astype(np.float32), own.steps),
         sample.wrapped_phase,
-        field.steps_at(unwrapped).astype(np.float32),
-        field.waveform.at(sample.background, sample.modulation),
+        own.steps.steps_at(unwrapped, across).astype(np.float32),
+        own.steps.waveform.at(sample.background, sample.modulation),
     )
-    return np.float32(phase_std_inflation(fit.residual, fit.value, fit.slope))
+    return phase_std_inflation(fit.residual, fit.value, fit.slope)
 
 
 def _weights(steps: FloatArray, params: PhaseParams) -> tuple[FloatArray, FloatArray]:

@@ -61,6 +61,7 @@ def run(scan: ScanFolder, *, calibration: ScanFolder | None, params: PhaseParams
         "label_anchor_residual_stripes": anchor.residual_stripes,
         "rotation_code_confident_share": result.labelled.confident_share,
         "rotation_code_disagreement": result.labelled.disagreement,
+        "compression_cost": result.compression_cost,
     }
     with writing_store(scan.phase, **attributes) as store:
         for name, about in MAPS.items():

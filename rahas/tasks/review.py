@@ -55,6 +55,7 @@ def run_result(scan: ScanFolder, *, role: str, params: ResultReviewParams, captu
     solved = open_store(scan.phase).attrs
     metrics["label_residual_stripes"] = solved.get("label_anchor_residual_stripes")
     metrics["order_disagreement"] = solved.get("rotation_code_disagreement")
+    metrics["compression_cost"] = solved.get("compression_cost")
     consistency: Any = attributes.get("calibration_consistency")
     metrics |= consistency_metrics(consistency)
     changed = consistency_findings(consistency, params)

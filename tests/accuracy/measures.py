@@ -22,6 +22,7 @@ class Score(NamedTuple):
     """One case with one method."""
 
     over_bound: float  # phase rms over the rms of the Cramér–Rao bound
+    phase_rms_rad: float
     ripple_mrad: tuple[float, ...]  # orders 1 … 4
     wrong_orders: float  # share of the measured pixels
     coverage: float  # of lit pixels with an arc of 0.75 period or more, more than 2 px from a depth edge
@@ -29,6 +30,7 @@ class Score(NamedTuple):
     depth_median_mm: float
     diagonal_mm: float
     normalised_68: float  # of |dZ|/σ
+    depth_error_mm: FloatArray  # (y, x), NaN where not measured or not lit
     form: str = ""  # flatness or sphere, where asked for
 
 
@@ -48,6 +50,7 @@ def score(scan: ScanFolder, capture: CaptureSpec, truth: dict[str, AnyArray], as
     own = wrap(error[right])
     return Score(
         over_bound=float(np.sqrt(np.mean(own**2)) / bound),
+        phase_rms_rad=float(np.sqrt(np.mean(own**2))),
         ripple_mrad=tuple(1e3 * a for a in ripple(own - own.mean(), truth["unwrapped_phase"][right])),
         wrong_orders=float(1 - right.sum() / measured.sum()),
         coverage=float(seen.sum() / eligible.sum()),
@@ -55,6 +58,7 @@ def score(scan: ScanFolder, capture: CaptureSpec, truth: dict[str, AnyArray], as
         depth_median_mm=float(np.median(np.abs(depth[seen]))),
         diagonal_mm=_diagonal(truth["world_target"]),
         normalised_68=float(np.quantile(np.abs(depth[seen]) / z_std[seen], 0.68)),
+        depth_error_mm=np.where(lit, depth, np.nan),
         form=_form(
             asks,
             capture.scene.size_mm / 2,

@@ -58,13 +58,17 @@ def render(
     gamma: float = 1.0,
     slip: float = 0.0,
     brightness: float = 1.0,
+    floor: float = 1.4,
+    bow: float = 0.0,
     shift_px: float = 0.0,
     seed: int = 0,
 ) -> Fringes:
     """Frames of a bumpy surface with uneven albedo; the phase grows downwards over about 9 periods.
 
     ``flicker``: standard deviation of the lamp's brightness; ``drift``: grey levels of ambient light gained over the
-    scan; ``gamma``: the camera writes 255·(light/255)^(1/gamma); ``shift_px``: amplitude of the object's swaying.
+    scan; ``gamma``: the camera writes 255·(light/255)^(1/gamma); ``floor``: mean of the light over its swing, near 1
+    where the stripes' dark is black; ``bow``: relative change of the step at the field's sides; ``shift_px``: amplitude
+    of the object's swaying.
     """
     rng = np.random.default_rng(seed)
     height, width = shape
@@ -79,11 +83,13 @@ def render(
     phase, amplitude = np.pi * STRIPES * v, brightness * amplitude
     delta, frames, response, waveform_slope = (np.empty((count, height, width)) for _ in range(4))
     for n, tilt in enumerate(tilts):
-        delta[n] = np.pi * STRIPES * (tilted(v, tilt) - v)
+        share = 1.0 + bow * (2 * x / (width - 1) - 1) ** 2
+        delta[n] = np.pi * STRIPES * (tilted(v, tilt) - v) * share
         swing = shift_px * np.sin(0.5 * n) * np.exp(-n / 50.0)
         relief, light = _object(x - swing, y - 0.5 * swing)
-        t = np.pi * STRIPES * tilted(plane + relief, tilt)
-        level = brightness * light * (1.4 + np.cos(t) + second_harmonic * np.cos(2 * t)) + 8
+        here = plane + relief
+        t = np.pi * STRIPES * (here + (tilted(here, tilt) - here) * share)
+        level = brightness * light * (floor + np.cos(t) + second_harmonic * np.cos(2 * t)) + 8
         level = lamp[n] * level + ambient[n]
         clipped = np.clip(level, 0.5, None)
         frames[n] = 255.0 * (clipped / 255.0) ** (1.0 / gamma)

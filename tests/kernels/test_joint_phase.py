@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from rahas.kernels.displacement import moved_back, slopes_at
-from rahas.kernels.joint_steps import StepField, solve_joint_steps
+from rahas.kernels.joint_steps import StepField, across_image, solve_joint_steps
 from rahas.kernels.long_scan import MOST_FRAMES, solve_scan_steps
 from rahas.kernels.phase_field import solve_phase_field
 from rahas.kernels.phase_shifting import FringeMaps, HarmonicSums, weights_of_least_squares, wrap
 from rahas.kernels.sampling import evenly_spread
+from rahas.kernels.step_choice import solve_chosen_steps
 from tests.kernels.fringes import Fringes, render
 
 
@@ -39,13 +40,14 @@ def solve(fringes: Fringes, *, start_error: float = 0.15, steady: bool = False, 
     arguments: Any = (
         fringes.frames[:, chosen[0], chosen[1]],
         rough[chosen],
-        steps + start_error * rng.standard_normal(len(steps)),
+        np.where(held, 0.0, steps + start_error * rng.standard_normal(len(steps))),
         held,
     )
     blocks = [fringes.frames[i : i + 32] for i in range(0, len(fringes.frames), 32)]
     if steady:
         slopes = slopes_at(plain.background, plain.modulation, plain.wrapped_phase, chosen)
-        field = solve_scan_steps(*arguments, slopes)
+        levels, own, start, still = arguments
+        field = solve_scan_steps(levels, own, np.zeros(own.size), start, still, slopes)
         blocks = list(moved_back(iter(blocks), field.shift))
         used = field.moved_back(slopes.carrier)
     else:
@@ -74,6 +76,7 @@ CASES: list[tuple[dict[str, Any], float]] = [
     ({"periods": 2.3, "flicker": 0.02}, 1.10),
     ({"gamma": 2.2}, 1.10),
     ({"gamma": 2.2, "periods": 0.9}, 1.10),
+    ({"gamma": 2.8, "floor": 1.06, "periods": 1.3}, 1.10),
     ({"gamma": 2.2, "flicker": 0.02, "drift": 3.0}, 1.25),
     ({"gamma": 2.2, "flicker": 0.02, "drift": 3.0, "periods": 2.3, "count": 120}, 1.10),
 ]
@@ -110,6 +113,21 @@ def test_waveform_follows_the_brightness() -> None:
     found = waveform.at(maps.background, maps.modulation)[0].real
     assert 0.9 < np.median(found / predicted) < 1.15  # the next orders make it a little larger
     assert 0.7 < np.std(found) / np.std(predicted) < 1.7
+
+
+def test_a_step_that_changes_across_the_field() -> None:
+    """As a projector lens that distorts makes it: told apart from the column, and 4 mrad and more if it is not."""
+    fringes = render(bow=0.01)
+    shape, steps = fringes.phase.shape, np.median(fringes.delta.reshape(len(fringes.delta), -1), axis=1)
+    levels, held = fringes.frames.reshape(len(steps), -1), np.arange(len(steps)) < fringes.held
+    across = np.broadcast_to(across_image(shape[1]), shape).reshape(-1)
+    field = solve_joint_steps(levels, fringes.phase.reshape(-1), np.where(held, 0.0, steps), held, across=across)
+    assert field.across[1] == pytest.approx(0.01, abs=1e-3)
+    assert np.abs(field.across[[0, 2]]).max() < 1e-3
+    rough = fringes.phase.astype(np.float32)
+    for known, least, most in ((field, 0.9, 1.1), (field._replace(across=np.zeros(3)), 1.2, 5.0)):
+        maps = solve_phase_field(lambda rows: iter([fringes.frames[:, rows]]), rough, known)
+        assert least < over_bound(wrap(maps.wrapped_phase - fringes.phase), fringes) < most
 
 
 def test_a_slide_with_a_harmonic_of_its_own() -> None:
@@ -182,8 +200,8 @@ def test_too_few_pixels_are_refused() -> None:
         solve_joint_steps(np.zeros((20, 10)), np.zeros(10), np.zeros(20), np.arange(20) < 2)
 
 
-@pytest.mark.parametrize(("period", "limit_mrad"), [(42, 20.0), (45, 5.0), (48, 5.0)])
-def test_unknown_steps_of_real_frames(period: int, limit_mrad: float) -> None:
+@pytest.mark.parametrize(("period", "limit_mrad", "limit"), [(42, 20.0, 1.3), (45, 5.0, 1.1), (48, 5.0, 1.1)])
+def test_unknown_steps_of_real_frames(period: int, limit_mrad: float, limit: float) -> None:
     extra = os.environ.get("RAHAS_EXTRA_DATA")
     if not extra or not (Path(extra) / "fringes_david").is_dir():
         pytest.skip("RAHAS_EXTRA_DATA names no folder with fringes_david")
@@ -199,18 +217,21 @@ def test_unknown_steps_of_real_frames(period: int, limit_mrad: float) -> None:
     taken = [0, 1, 2, 4, 5, 7, 8, 11]
     frames, nominal, held = every[period][taken], even[taken], np.arange(8) < 1
     start = nominal + 0.1 * np.random.default_rng(0).standard_normal(8) * ~held
-    chosen = evenly_spread(lit, 3000)
-    field = solve_joint_steps(frames[:, chosen[0], chosen[1]], rough[chosen], start, held, iterations=14)
+    chosen = evenly_spread(lit, 16000)
+    levels = frames[:, chosen[0], chosen[1]]
+    images = (every[period].mean(axis=0), np.abs(phasors[period]), truth)
+    field = solve_chosen_steps(levels, rough[chosen], np.zeros(chosen[0].size), start, held, slopes_at(*images, chosen))
     off = wrap(field.steps_at(rough[lit][::50]).mean(axis=1) - nominal)
-    assert 0.0 < 1e3 * np.std(off) < limit_mrad
-
-    given = field._replace(coefficients=np.column_stack([nominal, 0 * nominal, 0 * nominal]))
+    given = solve_joint_steps(levels, rough[chosen], nominal, np.ones(8, bool))
     errors = []
     for known in (field, given):
         maps = solve_phase_field(lambda rows: iter([frames[:, rows]]), rough.astype(np.float32), known)
         error = wrap(maps.wrapped_phase - truth)[lit & (maps.modulation > 0)]
         errors.append(float(np.std(wrap(error - np.median(error)))))
-    assert 0.8 * errors[1] < errors[0] < (1.2 if period == 42 else 1.1) * errors[1]  # steps of 42 are less sure
+    ratio = errors[0] / errors[1]
+    print(f"period {period}: steps {1e3 * np.std(off):.1f} mrad; phase error {ratio:.3f} of that with given steps")
+    assert 0.0 < 1e3 * np.std(off) < limit_mrad
+    assert 0.9 < ratio < limit
 
 
 def _by_three_periods(wrapped: dict[int, np.ndarray], period: int) -> np.ndarray:
