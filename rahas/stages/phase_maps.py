@@ -27,6 +27,9 @@ from rahas.typing import AnyArray, BoolArray, Float32Array, FloatArray, FrameSta
 
 MARGIN = 4  # rows about a band that displaced frames are interpolated from
 MOST_SAMPLES = 450_000  # pixels times frames of the joint solve: long scans have fewer pixels, not more memory
+LASTING_POWER = 1.5
+"""of the factor by which two halves of the frames differ more than white noise would have it: they share what lasts for
+longer than their blocks (measured against truth on rendered H.264, crf 14 to 28, and MPEG-2: 1.2 to 1.9)"""
 ENOUGH_SAMPLES = 130_000  # and a handful of frames has more pixels, to hold as much
 MOST_PIXELS = 16_000
 
@@ -201,7 +204,7 @@ def _inflation(own: SolvedField, unwrapped: Float32Array, sample: FringeMaps) ->
         own.steps.steps_at(unwrapped, across).astype(np.float32),
         own.steps.waveform.at(sample.background, sample.modulation),
     )
-    return phase_std_inflation(fit.residual, fit.value, fit.slope)
+    return float(phase_std_inflation(fit.residual, fit.value, fit.slope) ** LASTING_POWER)
 
 
 def _weights(steps: FloatArray, params: PhaseParams) -> tuple[FloatArray, FloatArray]:

@@ -59,7 +59,8 @@ def run(folder: Path, case: Case) -> Result:
     for method in METHODS:
         scan = ScanFolder(folder / "results", f"{own}_{method}")
         calibration = _calibration(folder, method, case.calibration.model_dump_json())
-        done = process(scan, path, calibration=calibration, config=Config(phase=PhaseParams(method=method)))
+        settings = case.settings.model_copy(update={"phase": case.settings.phase.model_copy(update={"method": method})})
+        done = process(scan, path, calibration=calibration, config=settings)
         if done.verdict == "accepted" or scan.cloud.exists():
             scores[method] = score(scan, case.scan, truth, case.asks)
         else:
