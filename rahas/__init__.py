@@ -1,3 +1,3 @@
 """RAHAS: from the video of a hand-cranked structured-light scanner to measured surfaces."""
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"

@@ -41,15 +41,20 @@ LONG = Film("long", "H.264, 60 s", "h264", slowness=4.0)
 def make_captures(root: Path, films: Sequence[Film], say: Callable[[str], None]) -> None:
     """Render what is not there yet: videos and texture photos in captures/, and the target's table."""
     captures = root / "captures"
-    (root / "config").mkdir(parents=True, exist_ok=True)
-    rows = [[n + 1, *(f"{v:.4f}" for v in mark), DIAMETER_MM] for n, mark in enumerate(target_marks())]
-    _write_table(root / "config" / "target.csv", ["mark", "x_mm", "y_mm", "z_mm", "diameter_mm"], rows)
+    write_target(root)
     for kind, slowness in (("roof", 1.0), ("circle", 1.0), ("circle", 4.0)):
         wanted = [CALIBRATION] if kind == "roof" else [film for film in films if film.slowness == slowness]
         missing = [film for film in wanted if not (captures / film.file).exists()]
         if missing:
             say(f"rendering {', '.join(film.title for film in missing)}")
             _render(captures, kind, slowness, missing)
+
+
+def write_target(root: Path) -> None:
+    """The renderer's roof target as config/target.csv."""
+    (root / "config").mkdir(parents=True, exist_ok=True)
+    rows = [[n + 1, *(f"{v:.4f}" for v in mark), DIAMETER_MM] for n, mark in enumerate(target_marks())]
+    _write_table(root / "config" / "target.csv", ["mark", "x_mm", "y_mm", "z_mm", "diameter_mm"], rows)
 
 
 def _render(captures: Path, kind: Any, slowness: float, films: Sequence[Film]) -> None:
