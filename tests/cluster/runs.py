@@ -8,22 +8,21 @@ import re
 import shutil
 import subprocess
 import sys
-import time
 from collections import Counter
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from tests.cluster.slurm import Slurm
-from tests.workflow.expedition import MADE, Expedition, Run, copy_code
+from tests.workflow.expedition import MADE, Expedition, Run, copy_code, wait_for
 
 # docs/CLUSTER.md: without an accounting database squeue has to say how jobs ended
 SETTINGS = (
     *("--slurm-no-account", "--slurm-status-command", "squeue", "--slurm-init-seconds-before-status-checks", "1"),
     *("--latency-wait", "10", "--slurm-keep-successful-logs", "--retries", "0"),
 )
-PATIENCE_S = 600.0
+wait_patiently = partial(wait_for, patience_s=600.0)
 _JOB = re.compile(r"^ *Job \d+: ([^:\n]+): (.*)$", re.MULTILINE)
 
 
@@ -66,15 +65,6 @@ class ClusterExpedition(Expedition):
     def copy(self, root: Path) -> ClusterExpedition:
         copied = super().copy(root)
         return ClusterExpedition(copied.root, self.code, self.cluster)
-
-
-def wait_for(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
-    """Wait until ``condition`` holds: until a job has been submitted, started and got so far."""
-    limit = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert process.poll() is None, process.communicate()[0]
-        assert time.monotonic() < limit, "it never came to that"
-        time.sleep(0.01)
 
 
 def jobs_by_message(output: str) -> Counter[str]:

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import pytest
 
-from tests.cluster.runs import ClusterExpedition, wait_for
+from tests.cluster.runs import ClusterExpedition, wait_patiently
 from tests.cluster.slurm import Slurm
 from tests.faults.test_killed import add_second_take, assert_like_rock, is_writing
 from tests.workflow.expedition import NOTHING, assert_nothing_half_written, jobs_running
@@ -39,7 +39,7 @@ def test_resumed(processed: ClusterExpedition, accident: Callable[[Slurm], None]
     """Cut off while it writes its phase; what was whole by then is not made again."""
     add_second_take(processed)
     process = processed.start()
-    wait_for(is_writing(processed, "take2", "phase.zarr"), process)
+    wait_patiently(is_writing(processed, "take2", "phase.zarr"), process)
     accident(processed.cluster)
     said, _ = process.communicate(timeout=600)
     assert process.returncode != 0, said
@@ -59,7 +59,7 @@ def test_tried_again_by_itself(processed: ClusterExpedition) -> None:
     """With the profile's `retries: 1` a job that was killed once needs nobody."""
     add_second_take(processed)
     process = processed.start("--retries", "1")
-    wait_for(is_writing(processed, "take2", "phase.zarr"), process)
+    wait_patiently(is_writing(processed, "take2", "phase.zarr"), process)
     cancel(processed.cluster)
     said, _ = process.communicate(timeout=600)
     assert process.returncode == 0, said
@@ -81,7 +81,7 @@ def test_scheduler_killed(processed: ClusterExpedition) -> None:
     """Its job goes on, on the node; the next scheduler's job of that scan waits for it and computes nothing twice."""
     add_second_take(processed)
     process = processed.start()
-    wait_for(is_writing(processed, "take2", "frames.zarr"), process)
+    wait_patiently(is_writing(processed, "take2", "frames.zarr"), process)
     orphans = list(jobs_running(processed.root))
     for pid in orphans:
         os.kill(pid, signal.SIGSTOP)
@@ -90,7 +90,7 @@ def test_scheduler_killed(processed: ClusterExpedition) -> None:
     logs = processed.root / ".snakemake" / "slurm_logs"
     again = processed.start()
     try:
-        wait_for(lambda: "waiting for an earlier job of this scan to end" in processed.job_logs(), again)
+        wait_patiently(lambda: "waiting for an earlier job of this scan to end" in processed.job_logs(), again)
     finally:
         for pid in orphans:
             os.kill(pid, signal.SIGCONT)

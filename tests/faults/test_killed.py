@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import time
 from collections.abc import Callable
 
 import pytest
@@ -19,18 +18,10 @@ from tests.workflow.expedition import (
     assert_whole,
     jobs_running,
     row,
+    wait_for,
 )
 
 PATIENCE_S = 120.0
-
-
-def wait_for(condition: Callable[[], bool], process: subprocess.Popen[str]) -> None:
-    """Wait until ``condition`` holds while the process runs."""
-    limit = time.monotonic() + PATIENCE_S
-    while not condition():
-        assert process.poll() is None, process.communicate()[0]
-        assert time.monotonic() < limit, "it never came to that"
-        time.sleep(0.01)
 
 
 def is_writing(expedition: Expedition, scan_id: str, name: str) -> Callable[[], bool]:

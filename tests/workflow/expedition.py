@@ -9,7 +9,8 @@ import re
 import shutil
 import subprocess
 import sys
-from collections.abc import Iterable, Mapping
+import time
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -139,6 +140,15 @@ class Expedition:
         """A copy with the modification times of its files."""
         shutil.copytree(self.root, root, symlinks=True)
         return Expedition(root, self.code)
+
+
+def wait_for(condition: Callable[[], bool], process: subprocess.Popen[str], *, patience_s: float = 120.0) -> None:
+    """Wait until ``condition`` holds while the process runs."""
+    limit = time.monotonic() + patience_s
+    while not condition():
+        assert process.poll() is None, process.communicate()[0]
+        assert time.monotonic() < limit, "it never came to that"
+        time.sleep(0.01)
 
 
 def minimal_environment(home: Path) -> dict[str, str]:
