@@ -19,6 +19,9 @@ def main(arguments: list[str] | None = None) -> int:
     except ExpeditionError as error:
         print(f"rahas: {error}", file=sys.stderr)
         return 2
+    except BrokenPipeError:  # `rahas audit | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 141
     except OSError as error:
         print(f"rahas: {error}; nothing was left half-written, run the same command again", file=sys.stderr)
         return 1

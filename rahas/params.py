@@ -198,6 +198,9 @@ class ResultReviewParams(StageParams):
     max_order_disagreement: float = Field(
         0.02, gt=0, le=1, description="share on which snakes and rotation code differ that is worth a warning"
     )
+    reject_order_disagreement: float = Field(
+        0.2, gt=0, le=1, description="share on which snakes and rotation code differ that is worth a rejection"
+    )
     max_compression_cost: float = Field(
         1.25, ge=1, description="growth of the phase's standard deviation by compression that is worth a warning, times"
     )

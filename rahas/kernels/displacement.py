@@ -90,9 +90,10 @@ def moved_back(blocks: Iterable[AnyArray], shift: FloatArray) -> Iterator[AnyArr
         if np.hypot(*here.T).max(initial=0.0) < LEAST_PX:
             yield block
             continue
-        moved = np.empty_like(block)
+        moved = np.empty(block.shape, np.float32)  # not rounded to grey levels once more
         for target, frame, (x, y) in zip(moved, block, here, strict=True):
             matrix = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
             flags = cv2.INTER_CUBIC | cv2.WARP_INVERSE_MAP
-            target[:] = cv2.warpAffine(frame, matrix, frame.shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
+            shown = frame.astype(np.float32)
+            target[:] = cv2.warpAffine(shown, matrix, shown.shape[::-1], flags=flags, borderMode=cv2.BORDER_REPLICATE)
         yield moved

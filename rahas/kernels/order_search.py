@@ -49,7 +49,9 @@ def search_orders(pixels: RotationPixels, *, first: AnyArray, course: Course, ca
         per_pixel = np.stack(
             [first[part], pixels.wrapped[part], pixels.background[part], 1.0 / pixels.modulation[part]]
         ).astype(np.float32)
-        turned, power = _turned(np.ascontiguousarray(pixels.levels[:, part]), per_pixel, per_frame)
+        turned, power = _turned(
+            np.ascontiguousarray(pixels.levels[:, part]), per_pixel, per_frame, np.float32(SIGNAL_LIMIT)
+        )
         _best_two(table @ turned, power, energy, int(candidates[0]), *(a[part] for a in out))
     return out
 
@@ -66,19 +68,19 @@ def candidate_table(course: Course, candidates: AnyArray) -> Float32Array:
 def _cosine(turns):  # type: ignore[no-untyped-def]
     """Cos of 2π·turns to about 4e-6, as a polynomial that vectorises."""
     x = turns - np.floor(turns + np.float32(0.5))
-    y = np.float32(TURN) * (np.float32(0.25) - abs(x))
+    y = np.float32(2 * np.pi) * (np.float32(0.25) - abs(x))
     z = y * y
     odd = np.float32(-1 / 5040) + z * np.float32(1 / 362880)
     return y * (np.float32(1) + z * (np.float32(-1 / 6) + z * (np.float32(1 / 120) + z * odd)))
 
 
 @numba.njit(cache=True, fastmath=True)
-def _turned(levels, per_pixel, per_frame):  # type: ignore[no-untyped-def]
+def _turned(levels, per_pixel, per_frame, limit):  # type: ignore[no-untyped-def]
     """z·cos 2πβ, z·sin 2πβ, cos 4πβ, sin 4πβ, one above the other (4·frame, pixel), and Σ z² (pixel)."""
     frames, pixels = levels.shape
     turned = np.empty((4 * frames, pixels), np.float32)
     power = np.zeros(pixels, np.float32)
-    limit, one, two = np.float32(SIGNAL_LIMIT), np.float32(1), np.float32(2)
+    one, two = np.float32(1), np.float32(2)
     first, wrapped, background, over = per_pixel[0], per_pixel[1], per_pixel[2], per_pixel[3]
     for n in range(frames):
         piston, aligned, across = per_frame[n, 0], per_frame[n, 1], per_frame[n, 2]

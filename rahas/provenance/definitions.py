@@ -52,6 +52,20 @@ def read_package(root: Path, package: str, *, cache: Path | None = None) -> dict
     return {name: read[key] for name, key in keys.items()}
 
 
+def read_wiring(table: Path) -> dict[str, str]:
+    """Digest of each stage's ``Stage(…)`` in the table of stages by its ``entry``; empty where there is no table."""
+    if not table.is_file():
+        return {}
+    calls = (node for node in ast.walk(ast.parse(table.read_bytes())) if isinstance(node, ast.Call))
+    found: dict[str, str] = {}
+    for call in calls:
+        words = {keyword.arg: keyword.value for keyword in call.keywords}
+        entry = words.get("entry")
+        if isinstance(call.func, ast.Name) and call.func.id == "Stage" and isinstance(entry, ast.Constant):
+            found[str(entry.value)] = _definition([ast.Expr(call)], set(), {}).digest
+    return found
+
+
 def _dotted(package: str, file: Path) -> str:
     parts = file.with_suffix("").parts
     return ".".join((package, *(parts[:-1] if parts[-1] == "__init__" else parts)))

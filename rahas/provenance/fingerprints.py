@@ -1,7 +1,8 @@
 """Fingerprints of code: what a stage's numbers can depend on, and nothing else.
 
 A fingerprint covers every top-level definition of this package that a stage's entry function reaches, through any
-chain of names, over the syntax tree without comments, docstrings and line breaks. Editing a kernel changes the
+chain of names, and the stage's own entry in the table of stages, over the syntax tree without comments, docstrings and
+line breaks. Editing a kernel changes the
 fingerprints of the stages that reach it; a comment, a docstring or a new format changes none. Parameter models are
 left out: their values stand in the record by themselves. Not seen: dynamic imports, data files, other libraries
 (whose versions stand in the record beside the fingerprint).
@@ -12,10 +13,11 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from rahas.provenance.definitions import Definition, read_package
+from rahas.provenance.definitions import Definition, read_package, read_wiring
 from rahas.stores.digests import digest_of_json
 
 PACKAGE = "rahas"
+WIRING = "rahas.tasks.pipeline"
 LEFT_OUT = frozenset({"rahas", "rahas.params", "rahas.typing"})
 
 
@@ -27,6 +29,7 @@ class CodeBase:
         self._modules = read_package(root, PACKAGE, cache=cache)
         self._reaches: dict[tuple[str, str], frozenset[tuple[str, str]]] = {}
         self._fingerprints: dict[str, str] = {}
+        self._wiring = read_wiring(root / "tasks" / "pipeline.py")
 
     def definitions(self, entry: str) -> dict[str, str]:
         """Digest of each definition that ``entry`` (``module:function``) reaches, by its qualified name."""
@@ -41,7 +44,8 @@ class CodeBase:
                 reached[here] = definition.digest
             pending |= self._next(here, definition) - seen
             seen |= pending
-        return {f"{module}:{name}": digest for (module, name), digest in sorted(reached.items())}
+        wired = {f"{WIRING}:{entry}": self._wiring[entry]} if entry in self._wiring else {}
+        return {f"{module}:{name}": digest for (module, name), digest in sorted(reached.items())} | wired
 
     def fingerprint(self, entry: str) -> str:
         """One digest over :meth:`definitions`."""

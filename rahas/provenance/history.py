@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from rahas.provenance.commit import commit_of
 from rahas.provenance.companions import SUFFIX
 from rahas.provenance.states import RowState, raw_records, recorded_state
-from rahas.stores.atomic import read_json, replacing, sweep, write_json
+from rahas.stores.atomic import read_json, read_json_or_none, replacing, sweep, write_json
 from rahas.stores.digests import canonical_json, digest_of_json
 from rahas.stores.layout import ScanFolder
 from rahas.stores.locks import only_writer
@@ -63,13 +63,21 @@ def keep_run(results: Path, scan_ids: Iterable[str], *, unfinished: Collection[s
         sweep(folder)
         text = _text_of_run(results, scan_ids, unfinished).encode()
         former = runs(results)
-        if former and gzip.decompress(former[-1].path.read_bytes()) == text:
+        if former and _text_kept(former[-1].path) == text:
             return None
         path = folder / f"{former[-1].number + 1 if former else 1:04d}.json.gz"
         write_json(_companion(path), _circumstances())
         with replacing(path) as temporary:
             temporary.write_bytes(gzip.compress(text, mtime=0))
     return path
+
+
+def _text_kept(path: Path) -> bytes | None:
+    """What a run's file holds; ``None`` where it is damaged, which harms no later run."""
+    try:
+        return gzip.decompress(path.read_bytes())
+    except (OSError, EOFError, zlib.error):
+        return None
 
 
 def read_run(path: Path) -> dict[str, RowState]:
@@ -101,7 +109,7 @@ def _text_of_run(results: Path, scan_ids: Iterable[str], unfinished: Collection[
         scan = ScanFolder(results, scan_id)
         has_verdict = scan_id not in unfinished and scan.qa.is_file()
         records = {stage: _kept(raw, shared) for stage, raw in raw_records(scan)}
-        rows[scan_id] = {"qa": read_json(scan.qa) if has_verdict else None, "records": records}
+        rows[scan_id] = {"qa": read_json_or_none(scan.qa) if has_verdict else None, "records": records}
     return canonical_json({"schema": SCHEMA, "shared": shared, "rows": rows})
 
 

@@ -9,6 +9,10 @@ from rahas.params import ResultReviewParams
 from rahas.qa.findings import Findings, finding
 
 _METRIC = "calibration_phase_offset_rad"
+LIKELY, SURE = (
+    5.0,
+    10.0,
+)  # standard deviations, for a warning and for a rejection: compressed films stay below the second
 _CAUSES = {
     "slide_shift": "the slide sits otherwise in its holder than at the calibration (by {size:.2f} rad of its pattern)",
     "projector_yaw": "the projector was turned sideways against the camera (by {size:.2f}°), or the slide's "
@@ -41,20 +45,38 @@ def consistency_findings(consistency: Mapping[str, Any] | None, params: ResultRe
         )
         return Findings([], [finding("calibration", _METRIC, message, unit="rad")])
     offset, gradient = float(consistency["offset_rad"]), float(consistency["gradient_rad"])
-    added = float(consistency["scan_phase_rad"])
-    if added > params.max_rig_change_rad:
+    added, certainty = float(consistency["scan_phase_rad"]), _certainty(consistency)
+    if added > params.max_rig_change_rad and certainty >= SURE and not _may_be_the_lever(consistency):
         text = f"{_lies(offset, gradient)}{_explained(consistency)} Scan the target and the object again."
         worst = finding(
             "calibration", "scan_phase_rad", text, value=round(added, 4), limit=params.max_rig_change_rad, unit="rad"
         )
         return Findings([worst], [])
-    largest = max(abs(offset), gradient, added)
-    if largest <= params.rig_change_warning_rad:
+    seen = {
+        _METRIC: abs(offset) * (abs(offset) > LIKELY * float(consistency["offset_std_rad"])),
+        "calibration_phase_gradient_rad": gradient * (gradient > LIKELY * float(consistency["gradient_std_rad"])),
+        "scan_phase_rad": added * (certainty >= LIKELY),
+    }
+    metric = max(seen, key=lambda name: seen[name])
+    if seen[metric] <= params.rig_change_warning_rad:
         return Findings([], [])
-    metric = _METRIC if abs(offset) == largest else "calibration_phase_gradient_rad"
-    text = f"{_lies(offset, gradient)}{_explained(consistency)} If so, scan the target again with this set-up."
-    one = finding("calibration", metric, text, value=round(largest, 4), limit=params.rig_change_warning_rad, unit="rad")
-    return Findings([], [one])
+    advice = " If so, scan the target again with this set-up."
+    if added > params.max_rig_change_rad and certainty < SURE:
+        advice = " The calibration is too noisy to be sure: scan the target again, with less compression of the film."
+    text = f"{_lies(offset, gradient)}{_explained(consistency)}{advice}"
+    value, limit = round(seen[metric], 4), params.rig_change_warning_rad
+    return Findings([], [finding("calibration", metric, text, value=value, limit=limit, unit="rad")])
+
+
+def _certainty(consistency: Mapping[str, Any]) -> float:
+    """The depth error in standard deviations."""
+    std = float(consistency["depth_std_mm"])
+    return float(consistency["depth_mm"]) / std if std > 0 else float("inf")
+
+
+def _may_be_the_lever(consistency: Mapping[str, Any]) -> bool:
+    """Whether a lever that was not at its first stop looks like that: it shifts no depth."""
+    return float(consistency["changes"]["projector_roll"]) != 0.0
 
 
 def _lies(offset: float, gradient: float) -> str:

@@ -50,6 +50,14 @@ def result_findings(
                 unit="share",
             )
         )
+    differing = metrics.get("order_disagreement")
+    if differing is not None and differing > params.reject_order_disagreement:
+        message = (
+            f"Following the stripes and reading the rotation disagree on {differing:.0%} of the surface: the stripes' "
+            "numbers cannot be trusted. Next time turn the lever slowly and evenly, and keep the projector in focus."
+        )
+        limit = params.reject_order_disagreement
+        reasons.append(finding("tracking", "order_disagreement", message, value=differing, limit=limit, unit="share"))
     ripple = metrics.get("ripple_after_rad")
     if ripple is not None and ripple > params.max_ripple_rad:
         warnings.append(
@@ -97,7 +105,7 @@ def _labels(metrics: Metrics, params: ResultReviewParams) -> list[Finding]:
             )
         )
     differing = metrics.get("order_disagreement")
-    if differing is not None and differing > params.max_order_disagreement:
+    if differing is not None and params.reject_order_disagreement >= differing > params.max_order_disagreement:
         warnings.append(
             finding(
                 "tracking",

@@ -32,6 +32,7 @@ LASTING_POWER = 1.5
 longer than their blocks (measured against truth on rendered H.264, crf 14 to 28, and MPEG-2: 1.2 to 1.9)"""
 ENOUGH_SAMPLES = 130_000  # and a handful of frames has more pixels, to hold as much
 MOST_PIXELS = 16_000
+FEWEST_PIXELS = 200
 
 
 def linear_maps(
@@ -112,7 +113,13 @@ def sampled(
     params: PhaseParams,
     top_level: float,
 ) -> list[Sample]:
-    """Well-lit pixels of each field among those ``labelled``; ``start`` are the linear maps."""
+    """Well-lit pixels of each field among those ``labelled``; ``start`` are the linear maps.
+
+    Raises
+    ------
+    CaptureProblem
+        There are too few that the sensor does not clip.
+    """
     count = len(steps)
     wanted = max(params.joint_pixels, min(ENOUGH_SAMPLES // count, MOST_PIXELS))
     steady = labelled & (start.phase_std < 4.0 * np.median(start.phase_std[labelled]))
@@ -120,7 +127,17 @@ def sampled(
     for field, own in _field_frames(frames, first, steps, fields):
         background, modulation, phase = (part[field.rows] for part in start[1:3] + start[:1])
         unclipped = background + modulation < top_level
-        at = evenly_spread(steady[field.rows] & unclipped, min(wanted, MOST_SAMPLES // count))
+        at = evenly_spread(steady[field.rows] & unclipped, min(wanted, max(MOST_SAMPLES // count, FEWEST_PIXELS)))
+        if len(at[0]) < FEWEST_PIXELS:
+            raise CaptureProblem(
+                "exposure",
+                "unclipped_pixels",
+                "Almost all that the stripes reach is too bright for the camera: close the lens's aperture or shorten "
+                "the exposure.",
+                value=len(at[0]),
+                limit=FEWEST_PIXELS,
+                unit="pixel",
+            )
         samples.append(Sample(field, own, at, field.at(*at), slopes_at(background, modulation, phase, at)))
     return samples
 
@@ -156,6 +173,7 @@ def joint_maps(solved: list[SolvedField], unwrapped: Float32Array, *, top_level:
         sample = FringeMaps(*(part[own.at] for part in maps))
         inflation = _inflation(own, unwrapped[rows][own.at], sample)
         maps.phase_std[:] *= np.float32(inflation)
+        _add_gain_doubt(maps, own.steps)
         lasting = max(lasting, inflation)
         parts.append((rows, maps))
     return _woven(parts, unwrapped.shape), lasting
@@ -193,6 +211,20 @@ def _linear_field(field_frames: FieldFrames, steps: FloatArray, params: PhasePar
         for target, part in zip(maps, sums.maps(), strict=True):
             target[band] = part
     return maps
+
+
+def _add_gain_doubt(maps: FringeMaps, field: StepField) -> None:
+    """Add to the phase's standard deviation what the gain may hide.
+
+    A gain that goes with the step's cosine or sine is a warped step, as far as the frames can tell; of a gain that
+    scatters by s over N frames these courses hold some s·√(2/N), and the phase is off by that times a/b.
+    """
+    frames = np.arange(len(field.gain))
+    scatter = float(np.std(field.gain - np.polyval(np.polyfit(frames, field.gain, 1), frames)))
+    doubt = np.float32(scatter * np.sqrt(2.0 / len(frames)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = np.where(maps.modulation > 0, maps.background / maps.modulation, 0.0)
+    np.hypot(maps.phase_std, doubt * share, out=maps.phase_std)
 
 
 def _inflation(own: SolvedField, unwrapped: Float32Array, sample: FringeMaps) -> float:

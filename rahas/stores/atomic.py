@@ -60,6 +60,14 @@ def read_json(path: Path) -> Any:
     return json.loads(path.read_text(encoding="utf-8"))
 
 
+def read_json_or_none(path: Path) -> Any:
+    """Read a JSON file; ``None`` where it cannot be read or is damaged."""
+    try:
+        return read_json(path)
+    except (OSError, ValueError):
+        return None
+
+
 def remove(path: Path) -> None:
     """Remove a file or a folder if it is there; a folder loses its name first, so none is seen half-gone."""
     if path.is_dir() and not path.is_symlink():

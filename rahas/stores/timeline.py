@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+LONGEST_CREEP_S = 3.0  # a slower hand is not waited for: every frame from the hold on is solved
+
 
 class Intervals:
     """The intervals of a timeline by name."""
@@ -28,12 +30,15 @@ class Intervals:
 
     @property
     def held_frames(self) -> range:
-        """Frames with the crank surely at its stop, up to a third of a second: the reference slide position.
+        """Frames with the crank surely at its stop, a quarter of a second of them: the reference slide position.
 
-        The last eighth of a second before the scan is left out: within 0.05 rad the crank may be moving already.
+        They are those in the middle of the hold before the scan: at its start the lever may still turn by tenths of a
+        degree, and towards the scan, which begins when the pattern is 0.05 rad off, a slow hand's crank moves already.
         """
-        start = int(self.scan["first"])
+        start, second = int(self.scan["first"]), self._frame_rate
         hold = max((i for i in self._intervals if i["last"] < start), key=lambda i: i["last"], default=None)
         earliest = int(hold["first"]) if hold is not None and hold["stage"] == "hold" else start
-        end = max(earliest + 1, start - max(1, round(self._frame_rate / 8)))
-        return range(max(earliest, end - max(4, round(self._frame_rate / 4))), end)
+        count = max(4, round(second / 4))
+        first = max(earliest, (earliest + start - count) // 2, start - count - round(LONGEST_CREEP_S * second))
+        end = max(earliest + 1, start - max(1, round(second / 8)))
+        return range(min(first, end - 1), min(first + count, end))

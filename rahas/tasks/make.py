@@ -8,10 +8,11 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from rahas.errors import CaptureProblem
+from rahas.errors import CaptureProblem, ExpeditionError
 from rahas.provenance.code import keep_definitions
 from rahas.provenance.companions import Clock, write_companion
 from rahas.provenance.fingerprints import package_code
+from rahas.provenance.integrity import output_faults
 from rahas.provenance.records import MADE, MAKING, PROBLEM, WITHDRAWN, Recipe, Record, library_versions, read_record
 from rahas.stores.atomic import read_json, remove
 from rahas.stores.digests import digest_of_json, digest_of_path
@@ -35,6 +36,7 @@ class Maker:
         self.work = work
         self.scan = work.scan
         self._done: set[tuple[str, bool]] = set()
+        self._sound: set[tuple[str, str]] = set()  # (row, stage) whose bytes are known to be what the record says
 
     def make(self, name: str, *, files: bool = True) -> None:
         """See that stage ``name`` is current; with ``files``, that its artifacts lie there too.
@@ -55,6 +57,7 @@ class Maker:
         if not (record is not None and record.recipe.key == recipe.key and self._holds(stage, record, files)):
             for need in stage.needs:
                 self.make(need)
+            self._see_inputs_whole(stage)
             self._compute(stage, recipe)
         if name in GATES and not self.is_let_through() and read_json(GATES[name](self.scan))["reasons"]:
             raise Rejected(name, None)
@@ -119,6 +122,45 @@ class Maker:
             return not files
         return record.outcome == MADE and stage.lies_there(self.scan)
 
+    def _see_inputs_whole(self, stage: Stage) -> None:
+        """Compare the bytes that ``stage`` will read with their records; what was damaged since is made again.
+
+        Raises
+        ------
+        ExpeditionError
+            An artifact of the calibration, which is another row's to make, is damaged.
+        """
+        for need in stage.needs:
+            if (damage := self._damage(self.work, need)) is None:
+                continue
+            say(self.work.entry.scan_id, f"{damage}: made again")
+            for path in STAGES[need].outputs(self.scan):
+                remove(path)
+            self._compute_anew(STAGES[need])
+        lent = self.work.lent(stage.borrows) if stage.borrows and self.work.entry.role != "calibration" else None
+        if lent is not None and lent.outcome == MADE:
+            owner = Work(self.work.expedition, self.work.expedition.entry(str(self.work.entry.calibration)))
+            if damage := self._damage(owner, str(stage.borrows)):
+                raise ExpeditionError(f"{damage}. Delete it and run the same command again: it is made again then.")
+
+    def _compute_anew(self, stage: Stage) -> None:
+        """Compute a stage whose artifacts were lost or damaged."""
+        for need in stage.needs:
+            self.make(need)
+        self._see_inputs_whole(stage)
+        self._compute(stage, self.recipe(stage))
+
+    def _damage(self, work: Work, name: str) -> str | None:
+        """What is wrong with the bytes of a stage's artifacts; ``None`` where they are what its record says."""
+        record = read_record(work.scan.records / f"{name}.json")
+        if (work.entry.scan_id, name) in self._sound or record is None or record.outcome != MADE:
+            return None
+        for fault in output_faults(work.scan.path, record.outputs, {}):
+            artifact = (work.scan.path / fault.artifact).relative_to(work.expedition.root)
+            return f"{artifact}: {fault.text}"
+        self._sound.add((work.entry.scan_id, name))
+        return None
+
     def _compute(self, stage: Stage, recipe: Recipe) -> None:
         clock = Clock()
         give_back_memory()
@@ -141,6 +183,7 @@ class Maker:
         record = Record(recipe, MADE, outputs)
         record.write(record_path)
         finish(self.work, stage.name, stage.entry, record, clock)
+        self._sound.add((self.work.entry.scan_id, stage.name))
         say(self.work.entry.scan_id, f"{stage.name} made in {clock.seconds:.1f} s")
 
     def _record_path(self, name: str) -> Path:

@@ -113,7 +113,10 @@ class Plan:
             "rows": [row_of(entry) for entry in self.expedition.entries],
             "code": [self._code[SUMMARY_ENTRY], templates_digest()],
         }
-        return f"results/expedition/provenance/summary.{digest_of_json(recipe)[:16]}.1"
+        folder = self.expedition.results / "expedition" / "provenance"
+        made = (folder / "summary.json", self.expedition.results / "index.html", self.expedition.results / "scans.csv")
+        whole = all(path.exists() for path in made)
+        return self._name_in(folder, f"summary.{digest_of_json(recipe)[:16]}", whole)
 
     def key(self, job_name: str, scan_id: str) -> str:
         """Key of a job's recipe."""
@@ -185,7 +188,8 @@ class Plan:
     def _is_whole(self, job: Job, entry: Entry, records: Mapping[str, Record | None]) -> bool:
         """Whether the artifacts that the job's records speak of lie there."""
         scan = self.expedition.scan(entry.scan_id)
-        if job.is_last and not all(path.exists() for path in (scan.report, scan.figures, scan.qa)):
+        own = (scan.report, scan.figures, scan.qa, scan.records / "page.json", scan.records / "verdict.json")
+        if job.is_last and not all(path.exists() for path in own):
             return False
         for name, record in records.items():
             stage = STAGES[name]
@@ -198,7 +202,9 @@ class Plan:
 
     def _name(self, stem: str, scan_id: str, whole: bool) -> str:
         """Stamp name: of the stamp that lies there if all is whole, else of one not made yet."""
-        folder = self.expedition.scan(scan_id).records
+        return self._name_in(self.expedition.scan(scan_id).records, stem, whole)
+
+    def _name_in(self, folder: Path, stem: str, whole: bool) -> str:
         newest = max((int(p.suffix[1:]) for p in folder.glob(f"{stem}.*") if p.suffix[1:].isdigit()), default=0)
         number = newest if newest and whole else newest + 1
         return str((folder / f"{stem}.{number}").relative_to(self.expedition.root))

@@ -35,10 +35,10 @@ class Need(NamedTuple):
 
 NEEDS = {
     "simulate": Need(300, 400, 0.4),
-    "capture": Need(220, 90, 0.04),
-    "phase": Need(330, 280, 0.06),
-    "calibrate": Need(100, 290, 0.025),
-    "surface": Need(100, 390, 0.02),
+    "capture": Need(222, 35, 0.045),
+    "phase": Need(350, 65, 0.06),
+    "calibrate": Need(115, 85, 0.02),
+    "surface": Need(160, 100, 0.02),
 }
 
 

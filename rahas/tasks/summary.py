@@ -15,7 +15,7 @@ from rahas.report.closing import closing_lines
 from rahas.report.gallery import THUMBNAIL
 from rahas.report.pages import Card, render_index
 from rahas.report.table import scans_csv
-from rahas.stores.atomic import read_json, sweep_dead, write_text
+from rahas.stores.atomic import read_json_or_none, sweep_dead, write_text
 from rahas.stores.captures import CAPTURES, SIMULATED
 from rahas.stores.digests import digest_of_bytes
 from rahas.stores.field_log import Entry
@@ -64,4 +64,4 @@ def _card(scan: ScanFolder, entry: Entry, *, finished: bool) -> Card:
 
 
 def _verdict(scan: ScanFolder) -> Any:
-    return read_json(scan.qa) if scan.qa.is_file() else None
+    return read_json_or_none(scan.qa) if scan.qa.is_file() else None

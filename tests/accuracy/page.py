@@ -26,7 +26,8 @@ Made by `make accuracy`: every case is rendered at full size and brought through
 its own rig made by the same method. The captures stand in tests/accuracy/cases.py, the measures beside them.
 
 - Phase rms / CRB: over the rms of the Cramér–Rao bound, the error that no estimator can beat, from the noise that the
-  renderer put into the frames before compression.
+  renderer put into the frames before compression. The bound counts the frames of the scan; the chain also uses those of
+  the hold before it, so it can come out a little below 1.
 - Ripple: amplitudes of the orders 1 to 4 of the phase error along the phase.
 - Wrong orders: share of the measured pixels. Coverage: share of lit pixels more than 2 px from a depth edge.
 - Depth rms: of Z over all of these, against the true surface, calibration errors included; 1:N of the field's diagonal.

@@ -34,22 +34,24 @@ class Measured(NamedTuple):
 
 
 MEASURED = [
-    Measured("capture", 360, 240, 180, 150, 1.6),
+    Measured("capture", 360, 240, 180, 145, 2.5),
     Measured("capture", 720, 480, 450, 300, 6.4),
     Measured("capture", 720, 480, 1800, 259, 15.6),
-    Measured("capture", 1920, 1080, 180, 349, 12.6),
-    Measured("phase", 360, 240, 180, 269, 2.7),
+    Measured("capture", 1280, 720, 180, 241, 8.6),
+    Measured("capture", 1920, 1080, 180, 298, 16.7),
+    Measured("phase", 360, 240, 180, 256, 4.0),
     Measured("phase", 720, 480, 450, 432, 7.2),
     Measured("phase", 720, 480, 1800, 441, 20.6),
-    Measured("phase", 1920, 1080, 180, 891, 18.9),
-    Measured("calibrate", 360, 240, 180, 116, 1.1),
+    Measured("phase", 1280, 720, 180, 341, 11.7),
+    Measured("phase", 1920, 1080, 180, 477, 19.4),
+    Measured("calibrate", 360, 240, 180, 119, 1.7),
     Measured("calibrate", 720, 480, 180, 151, 1.6),
-    Measured("calibrate", 1280, 720, 180, 367, 4.2),
-    Measured("calibrate", 1920, 1080, 180, 690, 8.1),
-    Measured("surface", 360, 240, 180, 135, 1.1),
+    Measured("calibrate", 1280, 720, 180, 195, 2.8),
+    Measured("calibrate", 1920, 1080, 180, 267, 3.8),
+    Measured("surface", 360, 240, 180, 133, 1.5),
     Measured("surface", 720, 480, 450, 234, 1.7),
-    Measured("surface", 1280, 720, 180, 455, 3.3),
-    Measured("surface", 1920, 1080, 180, 907, 5.6),
+    Measured("surface", 1280, 720, 180, 230, 3.6),
+    Measured("surface", 1920, 1080, 180, 329, 4.5),
 ]
 
 
