@@ -14,7 +14,7 @@ from tests.accuracy.cases import Case
 from tests.accuracy.measures import Score
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
-TILE = (300, 200)  # px
+TILE = (180, 120)  # px
 REACH_MM = 0.2
 HEAD = (
     "| case | method | phase rms / CRB | ripple 1–4, mrad | wrong orders | coverage | depth rms, mm | 1:N | "
@@ -112,5 +112,5 @@ def _tile(name: str, found: Score | str) -> ByteArray:
         error = cv2.resize(found.depth_error_mm.astype(np.float32), TILE, interpolation=cv2.INTER_NEAREST)
         picture = coloured(error, Scale(-REACH_MM, REACH_MM, "mm", "signed"))
     label = name.encode("ascii", "replace").decode()
-    cv2.putText(picture, label, (6, TILE[1] - 8), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (0, 0, 0), 1, cv2.LINE_AA)
+    cv2.putText(picture, label, (4, TILE[1] - 5), cv2.FONT_HERSHEY_SIMPLEX, 0.36, (0, 0, 0), 1, cv2.LINE_AA)
     return picture
