@@ -26,6 +26,7 @@ _STEP_SHARE = 0.002
 _POINTS = 4000
 _ROUNDS = 3
 ALIKE = 0.8  # correlation of the two k1
+DOUBTFUL = 2.0  # standard deviations: less is clearly 0
 
 
 class LensFits(NamedTuple):
@@ -129,14 +130,16 @@ def _slope_and_bend(
 def _kept(best: FloatArray, bend: FloatArray, free: IntArray, significance: float) -> tuple[FloatArray, FloatArray]:
     """The lens terms worth keeping (2,), the others 0, and their covariance (2, 2).
 
-    Where the two are hardly told apart, both are kept or neither: one alone would take up what the other does.
+    Where the two are hardly told apart and neither is clearly 0, both are kept or none: one alone would take up what
+    the other does.
     About its minimum χ² is quadratic: what it costs to hold a term at 0, and where the other then goes, follows.
     """
     price: float = np.inf
     counts, covariance = np.zeros(2), np.zeros((2, 2))
     alike = len(free) == 2 and abs(bend[0, 1]) > ALIKE * np.sqrt(bend[0, 0] * bend[1, 1])
+    doubtful = alike and bool((np.abs(best) > DOUBTFUL * np.sqrt(2.0 * np.diag(np.linalg.inv(bend)))).all())
     for choice in ([], [0], [1], [0, 1]):
-        if not set(choice) <= set(free.tolist()) or (alike and len(choice) == 1):
+        if not set(choice) <= set(free.tolist()) or (doubtful and len(choice) == 1):
             continue
         held = [one for one in free.tolist() if one not in choice]
         values = np.zeros(2)

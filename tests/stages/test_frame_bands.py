@@ -47,9 +47,7 @@ def test_a_displaced_object_is_moved_back_across_bands() -> None:
     steadied = Steadied(FieldFrames(FRAMES, 0, 21, slice(None)), shift)
     whole = np.concatenate(list(steadied.blocks(slice(0, 60))))
     parts = [np.concatenate(list(steadied.blocks(slice(a, a + 12)))) for a in range(0, 60, 12)]
-    off = np.abs(np.concatenate(parts, axis=1).astype(int) - whole)
-    assert off.max() <= 1  # a sum of four products that ends on a half may be rounded either way …
-    assert np.mean(off > 0) < 1e-3  # … which is rare
+    assert np.abs(np.concatenate(parts, axis=1) - whole).max() < 1e-3  # grey levels, of up to 255
     assert np.mean(whole != FRAMES) > 0.5
 
 
